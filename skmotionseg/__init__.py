@@ -1,0 +1,22 @@
+"""Motion segmentation of point tracks, as scikit-learn estimators."""
+
+from ._core.tracks import pack_tracks, unpack_tracks
+from .cluster import MultiModelSpectralClustering
+from .kernels import ORKKernel
+from .model_selection import NCREModelSelector, PerSequence
+from .sampling import HypothesisSampler
+from .segmentation import MotionSegmenter, make_motion_pipeline
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "HypothesisSampler",
+    "MotionSegmenter",
+    "MultiModelSpectralClustering",
+    "NCREModelSelector",
+    "ORKKernel",
+    "PerSequence",
+    "make_motion_pipeline",
+    "pack_tracks",
+    "unpack_tracks",
+]

@@ -1,0 +1,150 @@
+"""Hypotheses from random minimal sets of a frame pair, and the residuals to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .tracks import apply_similarity, normalization, similarity
+
+# A degenerate minimal set is drawn again at most this often. At an even chance of
+# a degenerate draw, one set in a million is still degenerate at the end.
+MAX_REDRAWS = 20
+
+
+def draw_minimal_sets(n_available, size, random_state):
+    """Draw sets of distinct positions, uniformly and without a loop over sets.
+
+    Parameters
+    ----------
+    n_available : ndarray of int, shape (B,)
+        Each set is drawn from ``range(n_available[b])``; at least ``size``.
+    size : int
+    random_state : numpy.random.RandomState
+
+    Returns
+    -------
+    ndarray of int, shape (B, size)
+    """
+    drawn = np.empty((len(n_available), 0), dtype=np.intp)  # kept sorted
+    uniform = random_state.random_sample((len(n_available), size))
+    for k in range(size):
+        # The k-th draw is a rank among the positions left; step over those taken.
+        position = (uniform[:, k] * (n_available - k)).astype(np.intp)
+        for taken in drawn.T:
+            position += position >= taken
+        drawn = np.sort(np.column_stack([drawn, position]), axis=1)
+    return drawn
+
+
+def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state):
+    """Fit a motion model to random minimal sets in each frame pair.
+
+    Degenerate sets are drawn again; a set that stays degenerate takes the model of
+    another set of its pair. A pair in which none is sound, because all its tracks
+    lie on a line, say, gets the translations of single tracks instead.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    pairs : ndarray of int, shape (n_pairs, 2)
+    model : MotionModel
+    n_hypotheses : int
+        Models a pair.
+    random_state : numpy.random.RandomState
+
+    Returns
+    -------
+    ndarray of shape (n_pairs, n_hypotheses, 3, 3), float64
+        Models of pixel coordinates; NaN for a pair in which fewer than
+        ``model.minimal_size`` tracks are seen.
+    """
+    seen = visibility[:, pairs].all(axis=2).T  # (n_pairs, n_tracks)
+    usable = np.flatnonzero(seen.sum(axis=1) >= model.minimal_size)
+    hypotheses = np.full((len(pairs), n_hypotheses, 3, 3), np.nan)
+    if len(usable) == 0:
+        return hypotheses
+    scenes = [_normalized_pair(points[seen[p]][:, pairs[p]]) for p in usable]
+    first, second, to_first, to_second = map(list, zip(*scenes, strict=True))
+    sizes = np.array([len(x) for x in first])
+    offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    first, second = np.concatenate(first), np.concatenate(second)
+
+    def draw(scene):  # (B,) -> (B, 3, 3)
+        sets = draw_minimal_sets(sizes[scene], model.minimal_size, random_state)
+        sets += offsets[scene, None]
+        return model.fit(first[sets], second[sets])
+
+    scene = np.repeat(np.arange(len(usable)), n_hypotheses)
+    fitted = draw(scene)
+    for _ in range(MAX_REDRAWS):
+        degenerate = np.flatnonzero(np.isnan(fitted[:, 0, 0]))
+        if len(degenerate) == 0:
+            break
+        fitted[degenerate] = draw(scene[degenerate])
+    fitted = fitted.reshape(len(usable), n_hypotheses, 3, 3)
+    for s in np.flatnonzero(np.isnan(fitted[:, :, 0, 0]).any(axis=1)):
+        rows = slice(offsets[s], offsets[s] + sizes[s])
+        shifts = second[rows] - first[rows]
+        fitted[s] = _replace_degenerate(fitted[s], shifts, model, random_state)
+    hypotheses[usable] = model.change_coordinates(
+        fitted,
+        np.linalg.inv(np.stack(to_first))[:, None],
+        np.linalg.inv(np.stack(to_second))[:, None],
+    )
+    return hypotheses
+
+
+def _normalized_pair(points):
+    """Points (n, 2, 2) of a frame pair, each frame normalised, and the two maps."""
+    maps = [normalization(points[:, side]) for side in (0, 1)]
+    sides = [apply_similarity(T, points[:, side]) for side, T in enumerate(maps)]
+    return *sides, *maps
+
+
+def _replace_degenerate(fitted, shifts, model, random_state):
+    sound = np.flatnonzero(~np.isnan(fitted[:, 0, 0]))
+    if len(sound):
+        fitted = fitted.copy()
+        missing = np.isnan(fitted[:, 0, 0])
+        fitted[missing] = fitted[np.resize(sound, missing.sum())]
+        return fitted
+    drawn = random_state.randint(len(shifts), size=len(fitted))
+    return model.from_translation(shifts[drawn])
+
+
+def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale):
+    """Squared Sampson errors of tracks to the hypotheses of each frame pair.
+
+    Computed in float32 in coordinates centred in each frame and scaled alike in both,
+    which leaves the error what it is in pixels but for the factor ``scale ** -2``.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    pairs : ndarray of int, shape (n_pairs, 2)
+    hypotheses : ndarray of shape (n_pairs, n_hypotheses, 3, 3)
+    model : MotionModel
+    centres : ndarray of shape (n_frames, 2)
+    scale : float
+
+    Returns
+    -------
+    ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
+        Pair-major, in squared pixels; NaN where the track is unseen in the pair.
+    """
+    n_pairs, n_hypotheses = hypotheses.shape[:2]
+    residuals = np.full((len(points), n_pairs, n_hypotheses), np.nan, dtype=np.float32)
+    for p, (f, g) in enumerate(pairs):
+        rows = np.flatnonzero(visibility[:, f] & visibility[:, g])
+        if len(rows) == 0 or np.isnan(hypotheses[p, 0, 0, 0]):
+            continue
+        S, T = similarity(1 / scale, centres[f]), similarity(1 / scale, centres[g])
+        local = model.change_coordinates(hypotheses[p], S, T)
+        x = apply_similarity(S, points[rows, f]).astype(np.float32)
+        y = apply_similarity(T, points[rows, g]).astype(np.float32)
+        block = model.residuals(local.astype(np.float32), x, y)
+        block *= np.float32(scale) ** 2
+        residuals[rows, p] = block
+    return residuals.reshape(len(points), -1)

@@ -1,0 +1,422 @@
+"""The motion models: what a minimal set determines, and how well a track fits it.
+
+A model is one frozen record in :data:`MOTION_MODELS`. To add a model, write its
+``fit``, ``residuals``, ``change_coordinates`` and ``from_translation`` and append
+the record; samplers, kernels, segmenter and command line pick it up by name.
+
+All functions work on stacks and never raise on degenerate geometry: a minimal set
+that determines no model gives NaN.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+# A minimal set is degenerate when its points span less than this, in coordinates
+# whose mean distance from the centroid is sqrt(2): far below the noise of any
+# tracker, far above rounding.
+DEGENERATE_SPAN = 1e-5
+
+
+@dataclass(frozen=True)
+class MotionModel:
+    """What the package needs to know about a geometric motion model.
+
+    Attributes
+    ----------
+    name : str
+    minimal_size : int
+        Correspondences that determine one model.
+    fit : callable
+        ``(..., p, 2), (..., p, 2) -> (..., 3, 3)``: the model through minimal sets
+        of normalised points in the first and second frame; NaN where degenerate.
+    residuals : callable
+        ``(K, 3, 3), (n, 2), (n, 2) -> (n, K)``: squared Sampson errors.
+    change_coordinates : callable
+        ``M, S, T -> M'``: the model of the points ``(S x, T y)``, given that of
+        ``(x, y)``.
+    from_translation : callable
+        ``(..., 2) -> (..., 3, 3)``: the model that moves all points by so much.
+    """
+
+    name: str
+    minimal_size: int
+    fit: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    residuals: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    change_coordinates: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    from_translation: Callable[[np.ndarray], np.ndarray]
+
+
+# ---------------------------------------------------------------- minimal fits
+
+
+def fit_affine(x, y):
+    """Affine maps through three correspondences each.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (..., 3, 2)
+        Normalised points in the first and second frame.
+
+    Returns
+    -------
+    ndarray of shape (..., 3, 3)
+        Last row (0, 0, 1). NaN where the three points are collinear in either
+        frame.
+    """
+    edges_x = x[..., 1:, :] - x[..., :1, :]  # (..., 2, 2), a row an edge
+    edges_y = y[..., 1:, :] - y[..., :1, :]
+    det_x, det_y = _det2(edges_x), _det2(edges_y)
+    good = np.minimum(abs(det_x), abs(det_y)) > DEGENERATE_SPAN
+    inverse = _adjugate2(edges_x) / np.where(good, det_x, np.nan)[..., None, None]
+    linear = np.swapaxes(inverse @ edges_y, -1, -2)
+    affine = np.zeros((*det_x.shape, 3, 3))
+    affine[..., :2, :2] = linear
+    affine[..., :2, 2] = y[..., 0, :] - (linear @ x[..., 0, :, None])[..., 0]
+    affine[..., 2, 2] = 1
+    affine[~good] = np.nan
+    return affine
+
+
+def fit_homography(x, y):
+    """Homographies through four correspondences each.
+
+    The four-point DLT system has one solution, written here in closed form: with
+    ``x4 = X a`` for the matrix ``X`` of the first three (homogeneous) points and
+    likewise ``y4 = Y b``, it is ``H = Y diag(b / a) X^-1``.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (..., 4, 2)
+
+    Returns
+    -------
+    ndarray of shape (..., 3, 3)
+        Unit Frobenius norm. NaN where three of the points are collinear in either
+        frame.
+    """
+    X, x_weights, x_span = _projective_basis(x)
+    Y, y_weights, y_span = _projective_basis(y)
+    good = np.minimum(x_span, y_span) > DEGENERATE_SPAN
+    scale = y_weights / np.where(good[..., None], x_weights, np.nan)
+    H = (Y * scale[..., None, :]) @ _adjugate3(X)
+    H = _unit_norm(H)
+    H[~good] = np.nan
+    return H
+
+
+def _projective_basis(points):
+    """First three points as columns, weights of the fourth, smallest area."""
+    a, b, c, d = np.moveaxis(points, -2, 0)
+    bcd, acd, abd, abc = (
+        _area(b, c, d),
+        _area(a, c, d),
+        _area(a, b, d),
+        _area(a, b, c),
+    )
+    homogeneous = np.ones((*points.shape[:-2], 3, 3))
+    homogeneous[..., :2, :] = np.swapaxes(points[..., :3, :], -1, -2)
+    # Cramer's rule up to the common factor 1 / abc.
+    weights = np.stack([bcd, -acd, abd], axis=-1)
+    span = np.min(np.abs([bcd, acd, abd, abc]), axis=0)
+    return homogeneous, weights, span
+
+
+def fit_fundamental(x, y):
+    """Fundamental matrices through eight correspondences each, rank 2 enforced.
+
+    The null vector of the 8x9 DLT system (Hartley and Zisserman 2004, eq. 11.3) by
+    batched Householder QR. A set of coplanar points leaves the null space more than
+    one-dimensional; any vector in it is an epipolar geometry the points do obey, so
+    it is kept: rejecting it would leave a planar motion with no hypothesis but those
+    that mix it with others.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (..., 8, 2)
+
+    Returns
+    -------
+    ndarray of shape (..., 3, 3)
+        Unit Frobenius norm, rank 2. NaN where two correspondences coincide or all
+        points of a frame are collinear.
+    """
+    good = _distinct(x, y) & ~_collinear(x) & ~_collinear(y)
+    x = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
+    y = np.concatenate([y, np.ones((*y.shape[:-1], 1))], axis=-1)
+    rows = (y[..., :, None] * x[..., None, :]).reshape(*x.shape[:-1], 9)
+    F = null_vectors(rows.reshape(-1, 8, 9)).reshape(*x.shape[:-2], 3, 3)
+    F = _rank_two(F)
+    F[~good] = np.nan
+    return F
+
+
+def null_vectors(A):
+    """A unit vector orthogonal to all rows, for a stack of wide matrices.
+
+    The last column of Q in the Householder QR factorisation of each transpose,
+    computed with the stack as the innermost, contiguous axis.
+
+    Parameters
+    ----------
+    A : ndarray of shape (B, m, n), m < n
+
+    Returns
+    -------
+    ndarray of shape (B, n)
+    """
+    n_rows, n = A.shape[1:]
+    columns = np.ascontiguousarray(A.transpose(2, 1, 0))  # (n, m, B)
+    reflectors = []
+    for k in range(n_rows):
+        v = columns[k:, k].copy()  # (n - k, B)
+        v[0] += np.copysign(np.sqrt((v * v).sum(axis=0)), v[0])
+        squared = (v * v).sum(axis=0)
+        v *= np.sqrt(2 / np.where(squared > 0, squared, np.inf))
+        rest = columns[k:, k + 1 :]
+        rest -= v[:, None] * (v[:, None] * rest).sum(axis=0)
+        reflectors.append(v)
+    q = np.zeros((n, len(A)))
+    q[-1] = 1
+    for k, v in reversed(list(enumerate(reflectors))):
+        q[k:] -= v * (v * q[k:]).sum(axis=0)
+    return q.T
+
+
+def _rank_two(F):
+    """Nearest matrices of rank 2, scaled to unit Frobenius norm."""
+    U, s, Vt = np.linalg.svd(F)
+    s[..., 2] = 0
+    s /= np.linalg.norm(s, axis=-1, keepdims=True)
+    return (U * s[..., None, :]) @ Vt
+
+
+# ------------------------------------------------------------ Sampson residuals
+
+
+def affine_residuals(A, x, y):
+    """Squared Sampson errors of tracks under affine maps.
+
+    With ``C = A x - y`` linear in ``(x, y)``, the error is
+    ``C^T (A A^T + I)^-1 C`` (Hartley and Zisserman 2004, eq. 4.12).
+
+    Parameters
+    ----------
+    A : ndarray of shape (K, 3, 3)
+    x, y : ndarray of shape (n, 2)
+        Points in the first and second frame; the unit of the result is theirs,
+        squared.
+
+    Returns
+    -------
+    ndarray of shape (n, K)
+    """
+    linear = A[:, :2, :2]
+    minus_one = np.broadcast_to(-np.eye(2, dtype=A.dtype), linear.shape)
+    equations = np.concatenate([A[:, :2], minus_one], axis=2)
+    # (K, 2, 5), acting on (x0, x1, 1, y0, y1)
+    a, b, c = _symmetric2(linear @ linear.transpose(0, 2, 1) - minus_one)
+    first = equations[:, 0] / np.sqrt(a)[:, None]
+    second = equations[:, 1] - (b / a)[:, None] * equations[:, 0]
+    second /= np.sqrt(c - b * b / a)[:, None]  # Cholesky whitening of A A^T + I
+    features = np.column_stack([x, np.ones_like(x[:, :1]), y])  # (n, 5)
+    squared = features @ first.T
+    squared *= squared
+    rest = features @ second.T
+    rest *= rest
+    squared += rest
+    return squared
+
+
+def homography_residuals(H, x, y):
+    """Squared Sampson errors of tracks under homographies.
+
+    The two cross-product equations ``C = (u - y0 w, v - y1 w)``, with
+    ``(u, v, w) = H x``, have Jacobian rows ``(p, -w, 0)`` and ``(q, 0, -w)``. Written
+    out, ``C^T (J J^T)^-1 C`` is a ratio of sums of squares, so nothing cancels.
+
+    Parameters
+    ----------
+    H : ndarray of shape (K, 3, 3)
+    x, y : ndarray of shape (n, 2)
+
+    Returns
+    -------
+    ndarray of shape (n, K)
+    """
+    H = _unit_norm(H)
+    u, v, w = _map_points(H, x)  # (n, K) each
+    y0, y1 = y[:, :1], y[:, 1:]
+    c0, c1 = u - y0 * w, v - y1 * w
+    p0, p1 = H[:, 0, 0] - y0 * H[:, 2, 0], H[:, 0, 1] - y0 * H[:, 2, 1]
+    q0, q1 = H[:, 1, 0] - y1 * H[:, 2, 0], H[:, 1, 1] - y1 * H[:, 2, 1]
+    w *= w
+    numerator = (q0 * c0 - p0 * c1) ** 2 + (q1 * c0 - p1 * c1) ** 2
+    numerator += w * (c0 * c0 + c1 * c1)
+    denominator = w * (w + p0 * p0 + p1 * p1 + q0 * q0 + q1 * q1)
+    denominator += (p0 * q1 - p1 * q0) ** 2
+    return _ratio(numerator, denominator)
+
+
+def fundamental_residuals(F, x, y):
+    """Squared Sampson errors of tracks under fundamental matrices.
+
+    ``(y^T F x)^2 / (|F x|_{1,2}^2 + |F^T y|_{1,2}^2)`` (Hartley and Zisserman 2004,
+    eq. 11.9).
+
+    Parameters
+    ----------
+    F : ndarray of shape (K, 3, 3)
+    x, y : ndarray of shape (n, 2)
+
+    Returns
+    -------
+    ndarray of shape (n, K)
+    """
+    F = _unit_norm(F)
+    l0, l1, l2 = _map_points(F, x)  # epipolar lines in the second frame, (n, K) each
+    k0, k1, _ = _map_points(F.transpose(0, 2, 1), y)
+    l2 += y[:, :1] * l0
+    l2 += y[:, 1:] * l1
+    l2 *= l2
+    denominator = l0 * l0
+    for part in (l1, k0, k1):
+        part *= part
+        denominator += part
+    return _ratio(l2, denominator)
+
+
+def _map_points(M, x):
+    """The three homogeneous coordinates of ``M x``, each (n, K)."""
+    homogeneous = np.column_stack([x, np.ones_like(x[:, :1])])  # (n, 3)
+    return [homogeneous @ M[:, i].T for i in range(3)]
+
+
+def _ratio(numerator, denominator):
+    tiny = np.finfo(denominator.dtype).tiny
+    np.maximum(denominator, tiny, out=denominator)
+    return np.divide(numerator, denominator, out=numerator)
+
+
+# ------------------------------------------------------- changes of coordinates
+
+
+def change_map_coordinates(M, S, T):
+    """``T M S^-1``: a point map after ``x -> S x``, ``y -> T y`` (similarities)."""
+    return T @ M @ np.linalg.inv(S)
+
+
+def change_epipolar_coordinates(F, S, T):
+    """``T^-T F S^-1``: an epipolar geometry after ``x -> S x``, ``y -> T y``."""
+    return np.swapaxes(np.linalg.inv(T), -1, -2) @ F @ np.linalg.inv(S)
+
+
+def translation_map(shift):
+    """Point maps ``x -> x + shift``; (..., 2) -> (..., 3, 3)."""
+    M = np.zeros((*shift.shape[:-1], 3, 3))
+    M[...] = np.eye(3)
+    M[..., :2, 2] = shift
+    return M
+
+
+def translation_epipolar(shift):
+    """Fundamental matrices ``[t]_x`` of a shift in the image plane.
+
+    A shift of zero leaves the direction open; (1, 0) is taken.
+    """
+    still = (shift == 0).all(axis=-1, keepdims=True)
+    shift = np.where(still, [1.0, 0.0], shift)
+    shift = shift / np.linalg.norm(shift, axis=-1, keepdims=True)
+    F = np.zeros((*shift.shape[:-1], 3, 3))
+    F[..., 0, 2], F[..., 1, 2] = shift[..., 1], -shift[..., 0]
+    F[..., 2, 0], F[..., 2, 1] = -shift[..., 1], shift[..., 0]
+    return F
+
+
+# ------------------------------------------------------------ small linear algebra
+
+
+def _det2(M):
+    return M[..., 0, 0] * M[..., 1, 1] - M[..., 0, 1] * M[..., 1, 0]
+
+
+def _adjugate2(M):
+    adjugate = np.empty_like(M)
+    adjugate[..., 0, 0], adjugate[..., 1, 1] = M[..., 1, 1], M[..., 0, 0]
+    adjugate[..., 0, 1], adjugate[..., 1, 0] = -M[..., 0, 1], -M[..., 1, 0]
+    return adjugate
+
+
+def _adjugate3(M):
+    """Adjugates of 3x3 matrices: rows are cross products of the columns."""
+    a, b, c = np.moveaxis(M, -1, 0)
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-2)
+
+
+def _unit_norm(M):
+    return M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
+
+
+def _symmetric2(M):
+    return M[..., 0, 0], M[..., 0, 1], M[..., 1, 1]
+
+
+def _area(a, b, c):
+    """Twice the signed area of triangles, (..., 2) each."""
+    (abx, aby), (acx, acy) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
+    return abx * acy - aby * acx
+
+
+def _distinct(x, y):
+    """Whether all correspondences of a set differ from one another."""
+    four = np.concatenate([x, y], axis=-1)
+    closest = np.full(four.shape[:-2], np.inf)
+    for i, j in combinations(range(four.shape[-2]), 2):
+        gap = np.abs(four[..., i, :] - four[..., j, :]).max(axis=-1)
+        closest = np.minimum(closest, gap)
+    return closest > DEGENERATE_SPAN
+
+
+def _collinear(points):
+    """Whether all points of a set lie on one line (or in one spot)."""
+    centred = points - points.mean(axis=-2, keepdims=True)
+    a, b, c = _symmetric2(np.swapaxes(centred, -1, -2) @ centred)
+    spread = a + c
+    return a * c - b * b <= DEGENERATE_SPAN**2 * spread * spread
+
+
+# --------------------------------------------------------------------- registry
+
+MOTION_MODELS = {
+    model.name: model
+    for model in (
+        MotionModel(
+            "affine",
+            minimal_size=3,
+            fit=fit_affine,
+            residuals=affine_residuals,
+            change_coordinates=change_map_coordinates,
+            from_translation=translation_map,
+        ),
+        MotionModel(
+            "homography",
+            minimal_size=4,
+            fit=fit_homography,
+            residuals=homography_residuals,
+            change_coordinates=change_map_coordinates,
+            from_translation=translation_map,
+        ),
+        MotionModel(
+            "fundamental",
+            minimal_size=8,
+            fit=fit_fundamental,
+            residuals=fundamental_residuals,
+            change_coordinates=change_epipolar_coordinates,
+            from_translation=translation_epipolar,
+        ),
+    )
+}

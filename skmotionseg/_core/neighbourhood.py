@@ -1,0 +1,65 @@
+"""The epsilon-neighbourhood: which affinities of a row are worth keeping.
+
+Lai, Wang, Zhang, Yan and Suter (2017), "Motion segmentation via a sparsity
+constraint". In row i, with ``s_j = max^alpha - a_ij^alpha`` and ``p_j = s_j / sum s``,
+entry j stays where ``log p_j < sum_k p_k log p_k``. That is the same as
+``a_ij > t_i`` for a threshold a row, so a row that was not there in ``fit`` is
+treated like one that was.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def neighbourhood_thresholds(affinity, alpha, own):
+    """The affinity above which a row keeps an entry.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (n, m)
+        Non-negative.
+    alpha : float
+        The larger, the fewer entries are kept.
+    own : ndarray of shape (n,)
+        The affinity of each row to itself, the largest it can have.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        0, which keeps all that is positive, for a row in which nothing stands out:
+        one that is constant, or zero.
+    """
+    thresholds = np.zeros(len(affinity))
+    rows = np.flatnonzero(own > 0)
+    relative = np.minimum(affinity[rows] / own[rows, None].astype(float), 1)
+    distance = 1 - relative**alpha
+    total = distance.sum(axis=1)
+    varied = total > 0
+    rows, distance, total = rows[varied], distance[varied], total[varied]
+    p = distance / total[:, None]
+    negative_entropy = (p * np.log(np.where(p > 0, p, 1))).sum(axis=1)
+    level = np.maximum(1 - total * np.exp(negative_entropy), 0)
+    thresholds[rows] = own[rows] * level ** (1 / alpha)
+    return thresholds
+
+
+def sparsify(affinity, row_thresholds, column_thresholds):
+    """Halve an entry for each of its two ends that would not keep it.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (n, m)
+    row_thresholds : ndarray of shape (n,)
+    column_thresholds : ndarray of shape (m,)
+
+    Returns
+    -------
+    ndarray of shape (n, m)
+        ``affinity`` times the average of the mask and its transpose.
+    """
+    votes = (affinity > row_thresholds[:, None]).astype(affinity.dtype)
+    votes += affinity > column_thresholds
+    votes *= affinity
+    votes /= 2
+    return votes

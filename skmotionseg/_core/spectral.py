@@ -1,0 +1,273 @@
+"""Spectral embeddings of one affinity and of several that are fused.
+
+All functions work with normalised affinities ``N = D^-1/2 K D^-1/2``; the Laplacian of
+the paper is ``L = I - N``, so its smallest eigenvectors are the largest ones here.
+A fusion takes the stack of all views and gives one embedding a view; to add one,
+write it with the signature of :func:`kernel_addition` and enter it in :data:`FUSIONS`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+
+@dataclass(frozen=True)
+class Fusion:
+    """Embeddings of all views, and how the alternation got there.
+
+    Attributes
+    ----------
+    embeddings : ndarray of shape (n_views, n, n_clusters)
+        Orthonormal columns.
+    objective : ndarray of shape (n_iter + 1,)
+        The cost before the first and after each sweep over the views.
+    """
+
+    embeddings: np.ndarray
+    objective: np.ndarray
+
+
+def normalized_affinity(affinity):
+    """``D^-1/2 K D^-1/2``; a row without any affinity stays zero.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (n, n)
+        Symmetric and non-negative.
+
+    Returns
+    -------
+    ndarray of shape (n, n), float64
+    """
+    scale = inverse_sqrt(affinity.sum(axis=1, dtype=float))
+    return affinity * scale[:, None] * scale
+
+
+def meets_another(views):
+    """Which rows have an affinity to any but themselves, in any view.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    positive = (views > 0).any(axis=0)
+    np.fill_diagonal(positive, False)
+    return positive.any(axis=1)
+
+
+def inverse_sqrt(degrees):
+    """``d^-1/2``, and 0 where the degree is 0."""
+    positive = degrees > 0
+    return np.where(positive, 1 / np.sqrt(np.where(positive, degrees, 1)), 0)
+
+
+def leading_eigenvectors(matrix, n_vectors):
+    """Eigenvectors of the largest eigenvalues of a symmetric matrix.
+
+    Parameters
+    ----------
+    matrix : ndarray of shape (n, n)
+    n_vectors : int
+
+    Returns
+    -------
+    values : ndarray of shape (n_vectors,)
+        Largest first.
+    vectors : ndarray of shape (n, n_vectors)
+        The entry of largest magnitude in each is positive.
+    """
+    n = len(matrix)
+    # Bisection and inverse iteration. The faster "evr" driver silently returns fewer
+    # vectors than asked for when eigenvalues are close, which ours are by design.
+    values, vectors = scipy.linalg.eigh(
+        matrix, subset_by_index=[n - n_vectors, n - 1], driver="evx"
+    )
+    values, vectors = values[::-1], vectors[:, ::-1]
+    largest = np.abs(vectors).argmax(axis=0)
+    return values, vectors * np.sign(vectors[largest, np.arange(n_vectors)])
+
+
+def normalize_rows(matrix):
+    """Rows of length 1; zero rows stay zero."""
+    length = np.linalg.norm(matrix, axis=-1, keepdims=True)
+    return np.divide(matrix, length, out=np.zeros_like(matrix), where=length > 0)
+
+
+def cluster_features(embeddings):
+    """What k-means sees: rows of all views at length 1, side by side, at length 1.
+
+    Parameters
+    ----------
+    embeddings : sequence of ndarray of shape (n, n_clusters)
+
+    Returns
+    -------
+    ndarray of shape (n, n_views * n_clusters)
+    """
+    return normalize_rows(np.hstack([normalize_rows(U) for U in embeddings]))
+
+
+# ---------------------------------------------------------------------- fusions
+
+
+def kernel_addition(views, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=0.0):
+    """One embedding for all views, of the sum of their Laplacians.
+
+    Xu, Cheong and Li (2021), "Kernel Addition": ``min tr(U^T sum_v L_v U)``.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+        Normalised affinities.
+    n_clusters : int
+    lam, gamma, max_iter, tol : ignored
+        So that all fusions are called alike.
+
+    Returns
+    -------
+    Fusion
+    """
+    U = leading_eigenvectors(np.sum(views, axis=0), n_clusters)[1]
+    embeddings = np.stack([U] * len(views))
+    return Fusion(embeddings, np.array([_cut_cost(views, embeddings)]))
+
+
+def co_regularization(views, n_clusters, *, lam, gamma=None, max_iter, tol):
+    """An embedding a view, drawn towards those of the other views.
+
+    Xu, Cheong and Li (2021), eq. 3, after Kumar, Rai and Daume (2011): each view in
+    turn takes the first eigenvectors of ``L_v - lam sum_{w != v} U_w U_w^T``. That
+    never raises ``sum_v tr(U_v^T L_v U_v) - lam sum_{v < w} |U_v^T U_w|_F^2``, which is
+    what ``objective`` holds.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+        Normalised affinities.
+    n_clusters : int
+    lam : float
+        Weight of agreement.
+    gamma : ignored
+    max_iter : int
+        Sweeps over the views at most.
+    tol : float
+        Stop when a sweep lowers the cost by less than this share of ``n_clusters``.
+
+    Returns
+    -------
+    Fusion
+    """
+
+    def pull(v, U):  # sum_{w != v} U_w U_w^T
+        others = np.hstack([U[w] for w in range(len(U)) if w != v])
+        return lam * (others @ others.T)
+
+    def cost(U):
+        agreement = sum(
+            np.sum((U[v].T @ U[w]) ** 2) for v in range(len(U)) for w in range(v)
+        )
+        return _cut_cost(views, U) - lam * agreement
+
+    return _alternate(views, n_clusters, pull, cost, max_iter, tol)
+
+
+def subset_constraint(views, n_clusters, *, lam=None, gamma, max_iter, tol):
+    """An embedding a view, under "what a simpler model joins, a richer one joins".
+
+    Xu, Cheong and Li (2021), eq. 5 and algorithm 1. Views are in the order affine,
+    homography, fundamental: a view inherits the positive entries of ``U U^T`` from the
+    simpler view before it and the negative ones from the richer view after it.
+    Convergence is not guaranteed.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+        Normalised affinities, the simplest model first.
+    n_clusters : int
+    lam : ignored
+    gamma : float
+        Weight of the constraint.
+    max_iter : int
+    tol : float
+
+    Returns
+    -------
+    Fusion
+    """
+
+    def pull(v, U):  # gamma Q_v
+        Q = np.zeros_like(views[v])
+        if v > 0:
+            Q += np.maximum(U[v - 1] @ U[v - 1].T, 0)
+        if v + 1 < len(U):
+            Q += np.minimum(U[v + 1] @ U[v + 1].T, 0)
+        return gamma * Q
+
+    def cost(U):
+        return _cut_cost(views, U) - sum(
+            np.sum(U[v] * (pull(v, U) @ U[v])) for v in range(len(U))
+        )
+
+    return _alternate(views, n_clusters, pull, cost, max_iter, tol)
+
+
+FUSIONS = {
+    "kernel_addition": kernel_addition,
+    "coreg": co_regularization,
+    "subset": subset_constraint,
+}
+
+
+def _alternate(views, n_clusters, pull, cost, max_iter, tol):
+    """Sweep over the views until the cost settles; one view needs no sweep."""
+    U = np.stack([leading_eigenvectors(N, n_clusters)[1] for N in views])
+    objective = [cost(U)]
+    for _ in range(max_iter if len(views) > 1 else 0):
+        for v, N in enumerate(views):
+            U[v] = leading_eigenvectors(N + pull(v, U), n_clusters)[1]
+        objective.append(cost(U))
+        if abs(objective[-2] - objective[-1]) < tol * n_clusters:
+            break
+    return Fusion(U, np.array(objective))
+
+
+def _cut_cost(views, embeddings):
+    """``sum_v tr(U_v^T L_v U_v)``."""
+    return sum(
+        U.shape[1] - np.sum(U * (N @ U)) for N, U in zip(views, embeddings, strict=True)
+    )
+
+
+# --------------------------------------------------------------- rows not in fit
+
+
+def extend_embedding(rows, degrees, embedding, shrinkage):
+    """Embed rows that were not there in fit (the Nystroem extension).
+
+    Parameters
+    ----------
+    rows : ndarray of shape (m, n)
+        Affinities of the new rows to the fitted ones.
+    degrees : ndarray of shape (n,)
+        Of the fitted affinity.
+    embedding : ndarray of shape (n, n_clusters)
+    shrinkage : ndarray of shape (n_clusters,)
+        ``u^T N u`` for each column: how much one application of ``N`` shrinks it. A
+        fitted row of an eigenvector is embedded where it was.
+
+    Returns
+    -------
+    ndarray of shape (m, n_clusters)
+    """
+    scale = inverse_sqrt(rows.sum(axis=1, dtype=float))
+    smoothed = scale[:, None] * (rows @ (inverse_sqrt(degrees)[:, None] * embedding))
+    return np.divide(
+        smoothed, shrinkage, out=np.zeros_like(smoothed), where=shrinkage > 0
+    )

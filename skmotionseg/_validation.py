@@ -1,0 +1,119 @@
+"""Reading and checking input: the one place where tracks and models enter."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.utils.validation import check_non_negative, validate_data
+
+from ._core.motion_models import MOTION_MODELS
+from ._core.tracks import unpack_tracks
+
+
+class TracksInput:
+    """Mixin of the estimators whose rows are tracks.
+
+    All of them read their input through :meth:`_read_tracks` alone.
+    """
+
+    def _read_tracks(self, X, *, reset):
+        """Check tracks and unpack them.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+        reset : bool
+            Whether this is ``fit``, which sets ``n_features_in_``.
+
+        Returns
+        -------
+        points : ndarray of shape (n_tracks, n_frames, 2), float64
+        visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+        Raises
+        ------
+        TypeError, ValueError
+            If ``X`` is not a dense real matrix, has an odd number of columns or
+            fewer than four, or holds infinities.
+        """
+        X = validate_data(
+            self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
+        )
+        if X.shape[1] % 2 or X.shape[1] < 4:
+            raise ValueError(
+                "tracks need two columns a frame and at least two frames; "
+                f"got {X.shape[1]} columns"
+            )
+        return unpack_tracks(X)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def get_motion_model(name):
+    """The registered motion model of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    try:
+        return MOTION_MODELS[name]
+    except (KeyError, TypeError):
+        raise ValueError(
+            f"unknown motion model {name!r}; expected one of {sorted(MOTION_MODELS)}"
+        ) from None
+
+
+def read_affinities(estimator, X):
+    """Check stacked affinities for ``fit`` and split them into views.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Whose ``n_features_in_`` is set.
+    X : array-like of shape (n, n_views * n)
+        Symmetric, non-negative affinities side by side.
+
+    Returns
+    -------
+    ndarray of shape (n_views, n, n), float64
+
+    Raises
+    ------
+    ValueError
+        If ``X`` is not made of square, symmetric, non-negative, finite blocks.
+    """
+    X = validate_data(estimator, X, dtype=np.float64)
+    check_non_negative(X, type(estimator).__name__)
+    n, width = X.shape
+    if width % n:
+        raise ValueError(
+            "stacked affinities need shape (n, n_views * n), square blocks side by "
+            f"side; got {X.shape}"
+        )
+    views = np.ascontiguousarray(X.reshape(n, -1, n).swapaxes(0, 1))
+    for v, view in enumerate(views):
+        asymmetry = np.abs(view - view.T).max()
+        if asymmetry > 1e-5 * view.max():
+            raise ValueError(
+                f"affinities need to be symmetric; entries of view {v} differ from "
+                f"their transposes by up to {asymmetry:.3g}"
+            )
+    return views
+
+
+def split_views(X, n_views):
+    """Stacked rows (m, n_views * n) as views (n_views, m, n)."""
+    return X.reshape(len(X), n_views, -1).swapaxes(0, 1)
+
+
+def check_n_groups(name, count, n_connected, n_samples):
+    """Raise if a number of groups exceeds the tracks that can be grouped."""
+    if count > n_connected:
+        raise ValueError(
+            f"{name}={count} is more than the {n_connected} tracks that have an "
+            f"affinity to another (n_samples={n_samples})"
+        )

@@ -1,0 +1,246 @@
+"""From affinities to labels: spectral clustering of several views at once."""
+
+from __future__ import annotations
+
+import warnings
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
+from sklearn.cluster import KMeans
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import check_is_fitted, check_non_negative, validate_data
+
+from ._core.selection import canonical_labels
+from ._core.spectral import (
+    FUSIONS,
+    cluster_features,
+    extend_embedding,
+    meets_another,
+    normalized_affinity,
+)
+from ._threads import single_threaded
+from ._validation import check_n_groups, read_affinities, split_views
+
+
+class AffinityInput:
+    """Mixin of the clusterers whose rows are stacked, precomputed affinities."""
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.pairwise = True
+        tags.input_tags.positive_only = True
+        return tags
+
+
+class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
+    """Spectral clustering of the affinities of several motion models.
+
+    Parameters
+    ----------
+    n_clusters : int, default=2
+        Number of motions.
+    fusion : {"kernel_addition", "coreg", "subset"}, default="coreg"
+        How the views are joined: one embedding of the sum of their Laplacians
+        (kernel addition), an embedding each that is drawn towards the others
+        (co-regularisation), or one each that respects that whatever a simpler model
+        joins a richer one joins too (subset constraint).
+    lam : float, default=1e-2
+        Weight of agreement between the views, for ``fusion="coreg"``.
+    gamma : float, default=1e-2
+        Weight of the subset constraint, for ``fusion="subset"``.
+    max_iter : int, default=20
+        Sweeps over the views at most.
+    tol : float, default=1e-5
+        Stop when a sweep changes the objective by less than this share of
+        ``n_clusters``.
+    n_init : int, default=20
+        Restarts of k-means.
+    random_state : int, RandomState instance or None, default=None
+        Drives the starts of k-means.
+
+    Attributes
+    ----------
+    labels_ : ndarray of int, shape (n,)
+        ``0..n_clusters - 1``, the largest motion first; -1 for a track that has no
+        affinity to another in any view.
+    view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
+        Each view's own embedding after fusion; zero rows for tracks labelled -1.
+    objective_ : ndarray of shape (n_iter_ + 1,)
+        The cost before the first and after each sweep over the views.
+    n_iter_ : int
+        Sweeps taken; 0 where the solution is direct.
+    n_views_ : int
+    n_features_in_ : int
+
+    See Also
+    --------
+    NCREModelSelector : Chooses the number of clusters.
+
+    Notes
+    -----
+    Views come from the width of the input, in the order affine, homography,
+    fundamental; any number of views will do. Tracks that never meet belong to separate
+    components of the graph: with as many clusters as components, each is a cluster.
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.3.
+    A. Kumar, P. Rai and H. Daume, "Co-regularized Multi-view Spectral Clustering",
+    NIPS 2011.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import MultiModelSpectralClustering
+    >>> block = np.kron(np.eye(2), np.ones((3, 3)))  # two groups of three
+    >>> views = np.hstack([block, block + 0.1])
+    >>> clustering = MultiModelSpectralClustering(n_clusters=2, random_state=0)
+    >>> clustering.fit_predict(views)
+    array([0, 0, 0, 1, 1, 1])
+    """
+
+    _parameter_constraints: dict = {
+        "n_clusters": [Interval(Integral, 1, None, closed="left")],
+        "fusion": [str],
+        "lam": [Interval(Real, 0, None, closed="left")],
+        "gamma": [Interval(Real, 0, None, closed="left")],
+        "max_iter": [Interval(Integral, 1, None, closed="left")],
+        "tol": [Interval(Real, 0, None, closed="left")],
+        "n_init": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        n_clusters=2,
+        *,
+        fusion="coreg",
+        lam=1e-2,
+        gamma=1e-2,
+        max_iter=20,
+        tol=1e-5,
+        n_init=20,
+        random_state=None,
+    ):
+        self.n_clusters = n_clusters
+        self.fusion = fusion
+        self.lam = lam
+        self.gamma = gamma
+        self.max_iter = max_iter
+        self.tol = tol
+        self.n_init = n_init
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit(self, X, y=None):
+        """Cluster the rows.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_views * n)
+            Symmetric, non-negative affinities of the views, side by side.
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``X`` is not made of such blocks, or fewer than ``n_clusters`` rows have
+            an affinity to another.
+        """
+        if self.fusion not in FUSIONS:
+            raise ValueError(
+                f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
+            )
+        views = read_affinities(self, X)
+        self.n_views_, n = views.shape[:2]
+        connected = np.flatnonzero(meets_another(views)) if n > 1 else np.arange(n)
+        check_n_groups("n_clusters", self.n_clusters, len(connected), n)
+        self._fit_connected(views[:, connected[:, None], connected], connected, n)
+        return self
+
+    def _fit_connected(self, views, connected, n):
+        """Cluster the tracks that meet another, and put them back in their rows."""
+        degrees = views.sum(axis=2)
+        normalized = np.stack([normalized_affinity(view) for view in views])
+        fused = FUSIONS[self.fusion](
+            normalized,
+            self.n_clusters,
+            lam=self.lam,
+            gamma=self.gamma,
+            max_iter=self.max_iter,
+            tol=self.tol,
+        )
+        self._kmeans = _fit_kmeans(
+            cluster_features(fused.embeddings),
+            self.n_clusters,
+            self.n_init,
+            check_random_state(self.random_state),
+        )
+        self.labels_ = np.full(n, -1)
+        self.labels_[connected] = self._kmeans.labels_
+        self.labels_ = canonical_labels(self.labels_)
+        self._label_of_centre = np.zeros(self.n_clusters, dtype=int)
+        self._label_of_centre[self._kmeans.labels_] = self.labels_[connected]
+        self.view_embeddings_ = np.zeros((len(views), n, self.n_clusters))
+        self.view_embeddings_[:, connected] = fused.embeddings
+        self.objective_ = fused.objective
+        self.n_iter_ = len(fused.objective) - 1
+        self._degrees = np.zeros((len(views), n))
+        self._degrees[:, connected] = degrees
+        self._shrinkage = np.stack(
+            [
+                np.sum(U * (N @ U), axis=0)
+                for N, U in zip(normalized, fused.embeddings, strict=True)
+            ]
+        )
+
+    @single_threaded
+    def predict(self, X):
+        """Place rows, fitted or not, in the clusters.
+
+        Parameters
+        ----------
+        X : array-like of shape (m, n_views * n)
+            Affinities of each row to the fitted rows, the views side by side.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            -1 for a row without affinity to any clustered row.
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, reset=False, dtype=np.float64)
+        check_non_negative(X, f"{type(self).__name__}.predict")
+        rows = split_views(X, self.n_views_) * (self._degrees[:, None] > 0)
+        features = cluster_features(
+            [
+                extend_embedding(*view)
+                for view in zip(
+                    rows,
+                    self._degrees,
+                    self.view_embeddings_,
+                    self._shrinkage,
+                    strict=True,
+                )
+            ]
+        )
+        labels = self._label_of_centre[self._kmeans.predict(features)]
+        labels[~(rows > 0).any(axis=(0, 2))] = -1
+        return labels
+
+
+def _fit_kmeans(features, n_clusters, n_init, random_state):
+    """k-means that takes fewer distinct rows than clusters without a word."""
+    kmeans = KMeans(n_clusters, n_init=n_init, random_state=random_state)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        return kmeans.fit(features)

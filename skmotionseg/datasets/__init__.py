@@ -1,0 +1,14 @@
+"""Sequences to segment: synthetic scenes and readers of benchmarks and track files."""
+
+from ._benchmarks import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
+from ._files import load_tracks
+from ._synthetic import make_rigid_motions
+
+__all__ = [
+    "load_hopkins12",
+    "load_hopkins155",
+    "load_kt3dmoseg",
+    "load_mtpv62",
+    "load_tracks",
+    "make_rigid_motions",
+]

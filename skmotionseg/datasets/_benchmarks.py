@@ -1,0 +1,95 @@
+"""Readers of the motion segmentation benchmarks, from their authors' files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ._files import load_tracks
+
+_LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` a sequence.
+
+    Parameters
+    ----------
+    folder : str or path-like
+        Holds {layout}.
+
+    Returns
+    -------
+    list of Bunch
+        As from :func:`load_tracks`, sorted by ``name``.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file in the folder.
+
+    References
+    ----------
+    {reference}
+
+    Examples
+    --------
+    >>> from skmotionseg.datasets import {name}
+    >>> {name}("nowhere")
+    Traceback (most recent call last):
+    FileNotFoundError: no file {pattern} in nowhere
+    """
+
+
+def _read_folder(folder, pattern, suffix):
+    paths = sorted(Path(folder).glob(pattern))
+    if not paths:
+        raise FileNotFoundError(f"no file {pattern} in {folder}")
+    sequences = [load_tracks(path) for path in paths]
+    for sequence in sequences:
+        sequence.name = sequence.name.removesuffix(suffix)
+    return sequences
+
+
+def _loader(name, title, pattern, suffix, layout, reference):
+    def load(folder):
+        return _read_folder(folder, pattern, suffix)
+
+    load.__name__ = load.__qualname__ = name
+    load.__doc__ = _LOADER_DOC.format(
+        name=name, title=title, layout=layout, reference=reference, pattern=pattern
+    )
+    return load
+
+
+load_kt3dmoseg = _loader(
+    "load_kt3dmoseg",
+    "KT3DMoSeg: clips of a driving car, with strong perspective",
+    "*_Tracks.mat",
+    "_Tracks",
+    "``NAME_Tracks.mat``",
+    'X. Xu, L.-F. Cheong and Z. Li, "Motion Segmentation by Exploiting Complementary\n'
+    '    Geometric Models", CVPR 2018.',
+)
+load_mtpv62 = _loader(
+    "load_mtpv62",
+    "the outdoor clips of MTPV62: gaps and some strong perspective",
+    "*_Tracks.mat",
+    "_Tracks",
+    "``NAME_Tracks.mat``",
+    'Z. Li, J. Guo, L.-F. Cheong and S. Z. Zhou, "Perspective Motion Segmentation via\n'
+    '    Collaborative Clustering", ICCV 2013.',
+)
+load_hopkins12 = _loader(
+    "load_hopkins12",
+    "Hopkins12: Hopkins155 scenes with incomplete tracks",
+    "*_Tracks.mat",
+    "_Tracks",
+    "``NAME_Tracks.mat``",
+    'S. Rao, R. Tron, R. Vidal and Y. Ma, "Motion Segmentation in the Presence of\n'
+    '    Outlying, Incomplete, or Corrupted Trajectories", IEEE TPAMI 32(10), 2010.',
+)
+load_hopkins155 = _loader(
+    "load_hopkins155",
+    "Hopkins155: checkerboards, cars and people, complete tracks",
+    "*/*_truth.mat",
+    "_truth",
+    "``NAME/NAME_truth.mat``",
+    'R. Tron and R. Vidal, "A Benchmark for the Comparison of 3-D Motion Segmentation\n'
+    '    Algorithms", CVPR 2007.',
+)

@@ -1,0 +1,207 @@
+"""Synthetic perspective scenes with known motions."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+from sklearn.utils import check_random_state, shuffle
+
+from .._core.tracks import pack_tracks
+
+IMAGE_SIZE = np.array([1280.0, 720.0])  # pixels
+FOCAL_LENGTH = 1000.0  # pixels: 65 degrees across
+SHAPES = ("general", "planar")
+CAMERAS = ("general", "rotation", "still")
+
+
+def make_rigid_motions(
+    n_tracks=400,
+    n_frames=20,
+    n_motions=3,
+    *,
+    shapes=("general", "planar", "general"),
+    camera="general",
+    missing=0.25,
+    noise=0.5,
+    outliers=0.0,
+    random_state=None,
+):
+    """Tracks of rigid things that move before a moving perspective camera.
+
+    The first motion is the static background, five to forty metres away; the others
+    are objects of two to three metres, six to fourteen metres away, each with a
+    velocity and a spin of its own. Each motion has half the tracks of the one before.
+
+    Parameters
+    ----------
+    n_tracks : int, default=400
+        Including outliers.
+    n_frames : int, default=20
+    n_motions : int, default=3
+        Background included.
+    shapes : str or sequence of str, default=("general", "planar", "general")
+        "general" (points in a volume) or "planar", for each motion in turn; repeated
+        if there are more motions.
+    camera : {"general", "rotation", "still"}, default="general"
+        "general" turns and drives mostly forward.
+    missing : float, default=0.25
+        Share of entries unseen, in [0, 0.9]. A track starts late or ends early but
+        has two frames at least. Image borders hide nothing.
+    noise : float, default=0.5
+        Standard deviation of each coordinate, in pixels.
+    outliers : float, default=0.0
+        Share of tracks that wander at random, in [0, 1).
+    random_state : int, RandomState instance or None, default=None
+
+    Returns
+    -------
+    X : ndarray of shape (n_tracks, 2 * n_frames)
+        Pixels, in an image of 1280 x 720; NaN where unseen.
+    y : ndarray of int, shape (n_tracks,)
+        0 for the background, 1, 2, ... for the objects, -1 for outliers.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of range or a name unknown.
+
+    Examples
+    --------
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=70, n_frames=10, random_state=0)
+    >>> X.shape
+    (70, 20)
+    >>> [int((y == motion).sum()) for motion in range(3)]
+    [40, 20, 10]
+    """
+    shapes = (shapes,) if isinstance(shapes, str) else tuple(shapes)
+    _check_scene(n_tracks, n_frames, n_motions, shapes, camera, missing, outliers)
+    rng = check_random_state(random_state)
+    n_outliers = round(outliers * n_tracks)
+    sizes = _group_sizes(n_tracks - n_outliers, n_motions)
+    steps = np.arange(n_frames) - (n_frames - 1) / 2  # all is set up for mid-clip
+    camera_path = _camera_path(steps, camera, rng)
+    groups = []
+    for motion, size in enumerate(sizes):
+        shape = shapes[motion % len(shapes)]
+        if motion == 0:
+            world = np.repeat(_background(size, shape, rng)[:, None], n_frames, axis=1)
+        else:
+            world = _moving_object(size, shape, steps, rng)
+        groups.append(_project(world, *camera_path))
+    groups.append(_wandering(n_outliers, n_frames, rng))
+    points = np.concatenate(groups)  # (n_tracks, n_frames, 2)
+    points = points + noise * rng.standard_normal(points.shape)
+    y = np.repeat([*range(n_motions), -1], [*sizes, n_outliers])
+    visibility = _lifetimes(n_tracks, n_frames, missing, rng)
+    return tuple(shuffle(pack_tracks(points, visibility), y, random_state=rng))
+
+
+def _check_scene(n_tracks, n_frames, n_motions, shapes, camera, missing, outliers):
+    if n_frames < 2 or n_motions < 1:
+        raise ValueError(
+            "a scene needs at least 2 frames and 1 motion; got "
+            f"n_frames={n_frames} and n_motions={n_motions}"
+        )
+    if not 0 <= missing <= 0.9 or not 0 <= outliers < 1:
+        raise ValueError(
+            "missing must be in [0, 0.9] and outliers in [0, 1); got "
+            f"{missing} and {outliers}"
+        )
+    if n_tracks - round(outliers * n_tracks) < n_motions:
+        raise ValueError(
+            f"{n_motions} motions need a track each; got n_tracks={n_tracks} with "
+            f"outliers={outliers}"
+        )
+    unknown = set(shapes) - set(SHAPES)
+    if unknown or not shapes or camera not in CAMERAS:
+        raise ValueError(
+            f"shapes must be of {SHAPES} and camera of {CAMERAS}; got {shapes} and "
+            f"{camera!r}"
+        )
+
+
+def _group_sizes(n_tracks, n_motions):
+    """Each motion half the size of the one before, none empty."""
+    shares = 0.5 ** np.arange(n_motions)
+    sizes = np.floor(shares / shares.sum() * n_tracks).astype(int)
+    sizes = np.maximum(sizes, 1)
+    sizes[0] += n_tracks - sizes.sum()
+    return sizes
+
+
+def _direction(rng):
+    direction = rng.standard_normal(3)
+    return direction / np.linalg.norm(direction)
+
+
+def _camera_path(steps, camera, rng):
+    """Orientations and positions of the camera in each frame."""
+    turn = _direction(rng) * np.radians(rng.uniform(0.2, 0.5))  # a frame
+    drive = np.array([*rng.uniform(-0.06, 0.06, size=2), rng.uniform(0.1, 0.2)])
+    if camera == "still":
+        turn = 0 * turn
+    if camera != "general":
+        drive = 0 * drive
+    return Rotation.from_rotvec(steps[:, None] * turn), steps[:, None] * drive
+
+
+def _background(size, shape, rng):
+    """Static points (size, 3): spread over the image, at depths of a street scene."""
+    spread = (rng.uniform(size=(size, 2)) - 0.5) * IMAGE_SIZE / FOCAL_LENGTH
+    if shape == "planar":  # a wall, seen at an angle
+        slope = rng.uniform(0.3, 0.8) * rng.choice([-1, 1])
+        depth = 12 / (1 - slope * spread[:, 0])
+    else:
+        depth = 1 / rng.uniform(1 / 40, 1 / 5, size=size)
+    return np.column_stack([spread, np.ones(size)]) * depth[:, None]
+
+
+def _moving_object(size, shape, steps, rng):
+    """Points (size, n_frames, 3) of an object that flies and spins."""
+    local = rng.uniform(-1, 1, size=(size, 3)) * rng.uniform(1, 1.5)
+    if shape == "planar":
+        local[:, 2] = 0
+        local = Rotation.from_rotvec(_direction(rng) * np.radians(35)).apply(local)
+    depth = rng.uniform(6, 14)
+    offset = rng.uniform(-0.35, 0.35, size=2) * IMAGE_SIZE / FOCAL_LENGTH
+    centre = np.array([*offset, 1.0]) * depth
+    # 15 pixels a frame or more across the image, and some along the line of sight.
+    speed = rng.uniform(0.015, 0.025) * depth
+    angle = rng.uniform(0, 2 * np.pi)
+    velocity = speed * np.array([np.cos(angle), np.sin(angle), rng.uniform(-1, 1)])
+    spin = _direction(rng) * np.radians(rng.uniform(0.5, 1.5))
+    turned = np.stack(
+        [Rotation.from_rotvec(step * spin).apply(local) for step in steps], axis=1
+    )
+    return turned + centre + steps[:, None] * velocity
+
+
+def _project(world, orientations, positions):
+    """Pixels (n, n_frames, 2) of points (n, n_frames, 3)."""
+    seen = world - positions
+    seen = np.einsum("fji,nfj->nfi", orientations.as_matrix(), seen)
+    depth = np.maximum(seen[..., 2:], 0.5)  # nothing flies through the camera
+    return FOCAL_LENGTH * seen[..., :2] / depth + IMAGE_SIZE / 2
+
+
+def _wandering(size, n_frames, rng):
+    """Random walks with steps of about 10 pixels."""
+    start = rng.uniform(size=(size, 1, 2)) * IMAGE_SIZE
+    walk = 10 * rng.standard_normal((size, n_frames, 2))
+    return start + walk.cumsum(axis=1)
+
+
+def _lifetimes(n_tracks, n_frames, missing, rng):
+    """Visibility (n_tracks, n_frames): one run of frames a track, of two at least."""
+    longest = n_frames - 2
+    wanted = missing * n_frames * n_tracks
+    # Mean share lost is the mean of u ** power; 1 / (power + 1) for uniform u.
+    power = 1 / max(missing * n_frames / max(longest, 1), 1e-9) - 1
+    lost = longest * rng.uniform(size=n_tracks) ** max(power, 0)
+    lost = np.minimum(np.rint(lost * wanted / max(lost.sum(), 1e-9)), longest)
+    lost = lost.astype(int)
+    first = np.where(rng.uniform(size=n_tracks) < 0.5, lost, 0)
+    frames = np.arange(n_frames)
+    start, end = first[:, None], (first + n_frames - lost)[:, None]
+    return (frames >= start) & (frames < end)

@@ -1,0 +1,216 @@
+"""From residuals to affinities: the ordered residual kernel."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.base import (
+    BaseEstimator,
+    ClassNamePrefixFeaturesOutMixin,
+    TransformerMixin,
+    _fit_context,
+)
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from ._core.neighbourhood import neighbourhood_thresholds, sparsify
+from ._core.ranked_kernel import (
+    co_occurrence,
+    covisible_affinity,
+    own_affinity,
+    preferred_hypotheses,
+)
+from ._threads import single_threaded
+
+
+class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):
+    """Ordered residual kernel: affinities of tracks that prefer the same hypotheses.
+
+    Within each frame pair a track keeps the share ``top`` of the hypotheses it fits
+    best. Two tracks are as close as the number of hypotheses both keep, summed over
+    pairs, divided by what it could be at most (see ``covisibility_prior``), and
+    sparsified by the epsilon-neighbourhood (see ``sparsity``). Like
+    :class:`~sklearn.kernel_approximation.Nystroem`, it compares any rows with those it
+    was fitted on.
+
+    Parameters
+    ----------
+    n_hypotheses : int, default=500
+        Hypotheses a frame pair: residual columns come in consecutive groups of so many.
+    top : float, default=0.1
+        Share of a pair's hypotheses a track keeps, in (0, 1]; at least one is kept.
+    sparsity : float or None, default=6
+        Exponent alpha of the epsilon-neighbourhood; the larger, the fewer entries of a
+        row survive. None keeps all.
+    covisibility_prior : float, default=2
+        ``p`` in ``k_ij / (top * n_hypotheses * (c_ij + p))``, where ``c_ij`` is the
+        number of frame pairs that see both tracks: few common frames count for little.
+        0 divides by the common frame pairs alone, as the paper does.
+
+    Attributes
+    ----------
+    thresholds_ : ndarray of shape (n_fit,)
+        The affinity above which each fitted row keeps an entry.
+    n_features_in_ : int
+
+    See Also
+    --------
+    HypothesisSampler : Makes the residuals.
+    MultiModelSpectralClustering : Clusters the affinities of one or several kernels.
+
+    Notes
+    -----
+    A track that shares no frame pair with another has affinity 0 to it; one that is
+    seen in no pair has affinity 0 to all, itself included.
+
+    References
+    ----------
+    T.-J. Chin, H. Wang and D. Suter, "The ordered residual kernel for robust motion
+    subspace clustering", NIPS 2009.
+    T. Lai, H. Wang, Y. Yan, T.-J. Chin and W.-L. Zhao, "Motion Segmentation Via a
+    Sparsity Constraint", IEEE T-ITS 18(4), 2017.
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.2.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from skmotionseg import HypothesisSampler, ORKKernel
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=60, n_frames=5, random_state=0)
+    >>> affinity = make_pipeline(
+    ...     HypothesisSampler(n_hypotheses=100, random_state=0),
+    ...     ORKKernel(n_hypotheses=100),
+    ... )
+    >>> K = affinity.fit_transform(X)
+    >>> K.shape
+    (60, 60)
+    >>> bool(K[y == 0][:, y == 0].mean() > 3 * K[y == 0][:, y != 0].mean())
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
+        "top": [Interval(Real, 0, 1, closed="right")],
+        "sparsity": [Interval(Real, 0, None, closed="neither"), None],
+        "covisibility_prior": [Interval(Real, 0, None, closed="left")],
+    }
+
+    def __init__(
+        self, *, n_hypotheses=500, top=0.1, sparsity=6.0, covisibility_prior=2.0
+    ):
+        self.n_hypotheses = n_hypotheses
+        self.top = top
+        self.sparsity = sparsity
+        self.covisibility_prior = covisibility_prior
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit(self, X, y=None):
+        """Remember which hypotheses each track prefers.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_fit, n_pairs * n_hypotheses)
+            Residuals, pair-major; NaN where a track is unseen in a pair.
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If the columns do not split into groups of ``n_hypotheses``.
+        """
+        self._fit(X)
+        return self
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit_transform(self, X, y=None):
+        """Fit, and give the affinities of the fitted rows to one another.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_fit, n_pairs * n_hypotheses)
+        y : ignored
+
+        Returns
+        -------
+        ndarray of shape (n_fit, n_fit), float32
+            Symmetric, in [0, 1].
+        """
+        affinity = self._fit(X)
+        return sparsify(affinity, self.thresholds_, self.thresholds_)
+
+    def _fit(self, X):
+        preferred, seen = self._prefer(X, reset=True)
+        self._preferred, self._seen = preferred, seen
+        affinity = self._affinity(preferred, seen)
+        self.thresholds_ = self._thresholds(affinity, seen)
+        return affinity
+
+    @single_threaded
+    def transform(self, X):
+        """Affinities of rows to the fitted rows.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_pairs * n_hypotheses)
+            Residuals to the same hypotheses as in :meth:`fit`.
+
+        Returns
+        -------
+        ndarray of shape (n, n_fit), float32
+            In [0, 1]. The fitted rows give what :meth:`fit_transform` gave.
+        """
+        check_is_fitted(self)
+        preferred, seen = self._prefer(X, reset=False)
+        affinity = self._affinity(preferred, seen)
+        return sparsify(affinity, self._thresholds(affinity, seen), self.thresholds_)
+
+    @property
+    def _n_features_out(self):
+        return len(self._seen)
+
+    @property
+    def _n_top(self):
+        return max(1, round(self.top * self.n_hypotheses))
+
+    def _prefer(self, X, *, reset):
+        X = validate_data(
+            self,
+            X,
+            reset=reset,
+            dtype=[np.float32, np.float64],
+            ensure_all_finite="allow-nan",
+        )
+        if X.shape[1] % self.n_hypotheses:
+            raise ValueError(
+                "residual columns come in groups of n_hypotheses="
+                f"{self.n_hypotheses}, one a frame pair; got {X.shape[1]} columns"
+            )
+        return preferred_hypotheses(X, self.n_hypotheses, self._n_top)
+
+    def _affinity(self, preferred, seen):
+        return covisible_affinity(
+            co_occurrence(preferred, self._preferred),
+            seen.astype(np.float32) @ self._seen.T.astype(np.float32),
+            self._n_top,
+            self.covisibility_prior,
+        )
+
+    def _thresholds(self, affinity, seen):
+        if self.sparsity is None:
+            return np.zeros(len(affinity))
+        own = own_affinity(seen.sum(axis=1), self.covisibility_prior)
+        return neighbourhood_thresholds(affinity, self.sparsity, own)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        tags.transformer_tags.preserves_dtype = ["float32"]
+        return tags

@@ -1,0 +1,334 @@
+"""How many motions there are, and which settings serve a whole set of sequences."""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+
+import numpy as np
+from joblib import Parallel, delayed
+from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import HasMethods, Interval
+from sklearn.utils.validation import check_is_fitted
+
+from ._core.selection import normalized_cut, reconstruction_error
+from ._core.spectral import meets_another
+from ._threads import single_threaded
+from ._validation import check_n_groups, read_affinities
+from .cluster import AffinityInput, MultiModelSpectralClustering
+from .metrics import misclassification_error
+
+
+class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
+    """Choose the number of clusters by normalised cut and reconstruction error.
+
+    For each count the affinities are clustered, and the partition costs
+    ``Ncut + delta * reconstruction``, summed over the views: cutting more costs more,
+    and a partition that merges what the affinity keeps apart reconstructs it badly.
+    The count of the lowest cost is taken; of equal costs, the smallest count.
+
+    Parameters
+    ----------
+    clusterer : estimator, default=None
+        Clusters stacked affinities into ``n_clusters``. None is
+        :class:`MultiModelSpectralClustering` as it comes.
+    delta : float, default=0.2
+        Weight of the reconstruction error: larger values choose more clusters.
+    min_clusters, max_clusters : int, default=1 and 10
+        Counts to try; no more than there are rows with an affinity to another.
+    random_state : int, RandomState instance or None, default=None
+        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
+        seed for each count; else the clusterer's own ``random_state`` holds.
+
+    Attributes
+    ----------
+    n_clusters_ : int
+    labels_ : ndarray of int, shape (n,)
+        Those of the chosen count.
+    counts_ : ndarray of int, shape (n_counts,)
+        The counts that were tried.
+    costs_ : ndarray of shape (n_counts, 3)
+        Normalised cut, reconstruction error and total, for each count.
+    candidate_labels_ : ndarray of int, shape (n_counts, n)
+        The partition of each count.
+    clusterer_ : estimator
+        The one fitted with the chosen count.
+    n_features_in_ : int
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, sec. 4, eq. 13. The normalised cut is
+    the first line of its eq. 11, ``sum_m cut(A_m) / vol(A_m)``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import NCREModelSelector
+    >>> block = np.kron(np.eye(3), np.ones((4, 4)))  # three groups of four
+    >>> selector = NCREModelSelector(random_state=0).fit(np.hstack([block, block]))
+    >>> selector.n_clusters_
+    3
+    """
+
+    _parameter_constraints: dict = {
+        "clusterer": [HasMethods(["fit", "get_params", "set_params"]), None],
+        "delta": [Interval(Real, 0, None, closed="left")],
+        "min_clusters": [Interval(Integral, 1, None, closed="left")],
+        "max_clusters": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        clusterer=None,
+        *,
+        delta=0.2,
+        min_clusters=1,
+        max_clusters=10,
+        random_state=None,
+    ):
+        self.clusterer = clusterer
+        self.delta = delta
+        self.min_clusters = min_clusters
+        self.max_clusters = max_clusters
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit(self, X, y=None):
+        """Cluster the rows into each count and choose one.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, n_views * n)
+            Symmetric, non-negative affinities of the views, side by side.
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``X`` is not made of such blocks, or ``min_clusters`` exceeds
+            ``max_clusters`` or the rows that have an affinity to another.
+        """
+        if self.min_clusters > self.max_clusters:
+            raise ValueError(
+                "min_clusters must not exceed max_clusters; got "
+                f"{self.min_clusters} and {self.max_clusters}"
+            )
+        views = read_affinities(self, X)
+        n = views.shape[1]
+        n_connected = int(meets_another(views).sum()) if n > 1 else n
+        check_n_groups("min_clusters", self.min_clusters, n_connected, n)
+        self.counts_ = np.arange(
+            self.min_clusters, min(self.max_clusters, n_connected) + 1
+        )
+        base = self._base_clusterer()
+        stacked = np.hstack(views)
+        candidates = [
+            clone(base).set_params(n_clusters=int(count)).fit(stacked)
+            for count in self.counts_
+        ]
+        self.candidate_labels_ = np.stack([c.labels_ for c in candidates])
+        self.costs_ = np.stack(
+            [partition_costs(views, c.labels_, self.delta) for c in candidates]
+        )
+        best = int(self.costs_[:, 2].argmin())
+        self.clusterer_ = candidates[best]
+        self.n_clusters_ = int(self.counts_[best])
+        self.labels_ = self.candidate_labels_[best]
+        return self
+
+    def _base_clusterer(self):
+        if self.clusterer is None:
+            base = MultiModelSpectralClustering()
+        else:
+            base = clone(self.clusterer)
+        if self.clusterer is None or self.random_state is not None:
+            seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
+            base.set_params(random_state=seed)
+        return base
+
+    def predict(self, X):
+        """Place rows, fitted or not, in the chosen clusters.
+
+        Parameters
+        ----------
+        X : array-like of shape (m, n_views * n)
+            Affinities of each row to the fitted rows, the views side by side.
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+        """
+        check_is_fitted(self)
+        return self.clusterer_.predict(X)
+
+
+def partition_costs(views, labels, delta):
+    """Normalised cut, reconstruction error and total of a partition.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+    labels : ndarray of int, shape (n,)
+    delta : float
+
+    Returns
+    -------
+    ndarray of shape (3,)
+        Each summed over the views; the total is the first plus ``delta`` times the
+        second.
+    """
+    cut = sum(normalized_cut(view, labels) for view in views)
+    reconstruction = sum(reconstruction_error(view, labels) for view in views)
+    return np.array([cut, reconstruction, cut + delta * reconstruction])
+
+
+class PerSequence(BaseEstimator):
+    """One setting for many sequences: each sample is a whole sequence.
+
+    Wraps an estimator of one sequence so that :class:`~sklearn.model_selection.\
+GridSearchCV` can look for the parameters that segment a *set* of sequences best. Tracks
+    of different sequences have nothing in common, so nothing is carried from one to
+    another: :meth:`fit` only takes note of its input, and :meth:`predict` segments each
+    sequence by itself with a clone of the estimator.
+
+    Parameters
+    ----------
+    estimator : estimator
+        With ``fit_predict``, such as :class:`MotionSegmenter`. Give it an integer
+        ``random_state`` for the same result every time.
+    n_jobs : int or None, default=None
+        Sequences at a time, as in joblib.
+
+    Attributes
+    ----------
+    n_sequences_ : int
+        Sequences seen in ``fit``.
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import GridSearchCV, KFold
+    >>> from skmotionseg import MotionSegmenter, PerSequence
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> scenes = [
+    ...     make_rigid_motions(n_tracks=60, n_frames=4, n_motions=2, random_state=seed)
+    ...     for seed in range(2)
+    ... ]
+    >>> sequences, labels = [X for X, y in scenes], [y for X, y in scenes]
+    >>> segmenter = MotionSegmenter(n_motions=2, n_hypotheses=50, random_state=0)
+    >>> search = GridSearchCV(
+    ...     PerSequence(segmenter), {"estimator__sparsity": [4, 6]}, cv=KFold(2)
+    ... )
+    >>> search.fit(sequences, labels).best_params_["estimator__sparsity"] in (4, 6)
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "estimator": [HasMethods(["fit_predict", "get_params", "set_params"])],
+        "n_jobs": [Integral, None],
+    }
+
+    def __init__(self, estimator, n_jobs=None):
+        self.estimator = estimator
+        self.n_jobs = n_jobs
+
+    @_fit_context(prefer_skip_nested_validation=False)
+    def fit(self, X, y=None):
+        """Take note of the sequences.
+
+        Parameters
+        ----------
+        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
+        y : list of array-like of int, each of shape (n_tracks,), optional
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``X`` holds no sequence, or ``y`` not a label a track.
+        """
+        sequences = self._read_sequences(X)
+        if y is not None:
+            self._read_labels(y, sequences)
+        self.n_sequences_ = len(sequences)
+        return self
+
+    def _read_sequences(self, X):
+        """Check sequences and list them as arrays."""
+        sequences = [np.asarray(x) for x in X] if _is_listlike(X) else []
+        if not sequences:
+            raise ValueError(
+                "X must be a list of track arrays, one a sequence; got "
+                f"{type(X).__name__}" + (" without any" if _is_listlike(X) else "")
+            )
+        for i, x in enumerate(sequences):
+            if x.ndim != 2:
+                raise ValueError(
+                    "each sequence must be a track array of shape (n_tracks, "
+                    f"2 * n_frames); sequence {i} has shape {x.shape}"
+                )
+        return sequences
+
+    def _read_labels(self, y, sequences):
+        """Check labels against sequences and list them as arrays."""
+        labels = [np.asarray(labels) for labels in y]
+        if len(labels) != len(sequences):
+            raise ValueError(
+                f"got {len(sequences)} sequences and {len(labels)} label arrays"
+            )
+        for i, (one, x) in enumerate(zip(labels, sequences, strict=True)):
+            if one.shape != (len(x),):
+                raise ValueError(
+                    f"sequence {i} has {len(x)} tracks and labels of shape {one.shape}"
+                )
+        return labels
+
+    def predict(self, X):
+        """Segment each sequence.
+
+        Parameters
+        ----------
+        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
+
+        Returns
+        -------
+        list of ndarray of int, each of shape (n_tracks,)
+        """
+        check_is_fitted(self)
+        return Parallel(n_jobs=self.n_jobs)(
+            delayed(_segment)(self.estimator, x) for x in self._read_sequences(X)
+        )
+
+    def score(self, X, y):
+        """One minus the mean misclassification error over the sequences.
+
+        Parameters
+        ----------
+        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
+        y : list of array-like of int, each of shape (n_tracks,)
+            True labels; tracks of label -1 are not judged.
+
+        Returns
+        -------
+        float
+        """
+        labels = self._read_labels(y, self._read_sequences(X))
+        errors = map(misclassification_error, labels, self.predict(X))
+        return 1 - float(np.mean(list(errors)))
+
+
+def _segment(estimator, X):
+    return clone(estimator).fit_predict(X)
+
+
+def _is_listlike(X):
+    return isinstance(X, (list, tuple, np.ndarray)) and np.ndim(X[:0]) > 0

@@ -1,0 +1,197 @@
+"""From tracks to residuals: random hypotheses of a motion model in each frame pair."""
+
+from __future__ import annotations
+
+from numbers import Integral
+
+import numpy as np
+from sklearn.base import (
+    BaseEstimator,
+    ClassNamePrefixFeaturesOutMixin,
+    TransformerMixin,
+    _fit_context,
+)
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import check_is_fitted
+
+from ._core.hypotheses import draw_hypotheses, residual_matrix
+from ._core.tracks import frame_pairs, working_coordinates
+from ._threads import single_threaded
+from ._validation import TracksInput, get_motion_model
+
+
+class HypothesisSampler(
+    ClassNamePrefixFeaturesOutMixin, TracksInput, TransformerMixin, BaseEstimator
+):
+    """Residuals of tracks to random hypotheses of one motion model.
+
+    In each pair of frames ``(f, f + frame_gap)``, minimal sets of the tracks seen in
+    both are drawn at random and a model is fitted to each by the direct linear
+    transform. Degenerate sets (three collinear points for a homography, say) are drawn
+    again. :meth:`transform` gives the squared Sampson error of each track to each
+    hypothesis.
+
+    Parameters
+    ----------
+    model : {"affine", "homography", "fundamental"}, default="homography"
+        Motion model, fitted to 3, 4 or 8 tracks.
+    n_hypotheses : int, default=500
+        Hypotheses a frame pair.
+    frame_gap : int, default=1
+        Frames between the two of a pair.
+    random_state : int, RandomState instance or None, default=None
+        Drives the drawing of minimal sets, in :meth:`fit` only.
+
+    Attributes
+    ----------
+    hypotheses_ : ndarray of shape (n_pairs, n_hypotheses, 3, 3), float64
+        Models of pixel coordinates: ``y ~ H x`` for the maps, ``y^T F x = 0`` for
+        fundamental matrices, with ``x`` in the first and ``y`` in the second frame.
+        NaN for a pair in which fewer tracks are seen than the model needs.
+    frame_pairs_ : ndarray of int, shape (n_pairs, 2)
+    n_features_in_ : int
+        Two columns a frame.
+
+    See Also
+    --------
+    ORKKernel : Turns the residuals into affinities.
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.1.
+    R. Hartley and A. Zisserman, "Multiple View Geometry", 2nd ed., 2004, ch. 4 and 11.
+
+    Examples
+    --------
+    >>> from skmotionseg import HypothesisSampler
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=60, n_frames=5, random_state=0)
+    >>> sampler = HypothesisSampler("homography", n_hypotheses=100, random_state=0)
+    >>> sampler.fit_transform(X).shape  # 4 frame pairs of 100 hypotheses
+    (60, 400)
+    """
+
+    _parameter_constraints: dict = {
+        "model": [str],
+        "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
+        "frame_gap": [Interval(Integral, 1, None, closed="left")],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self, model="homography", *, n_hypotheses=500, frame_gap=1, random_state=None
+    ):
+        self.model = model
+        self.n_hypotheses = n_hypotheses
+        self.frame_gap = frame_gap
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit(self, X, y=None):
+        """Draw the hypotheses.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+            Tracks in pixels; NaN where a point was not seen.
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If there are too few frames for ``frame_gap``, or no frame pair in which
+            as many tracks are seen as the model needs.
+        """
+        self._fit(X)
+        return self
+
+    def _fit(self, X):
+        model = get_motion_model(self.model)
+        points, visibility = self._read_tracks(X, reset=True)
+        n_tracks, n_frames = visibility.shape
+        if n_frames <= self.frame_gap:
+            raise ValueError(
+                f"frame_gap={self.frame_gap} needs at least {self.frame_gap + 1} "
+                f"frames; got {n_frames}"
+            )
+        pairs = frame_pairs(n_frames, self.frame_gap)
+        most = visibility[:, pairs].all(axis=2).sum(axis=0).max()
+        if most < model.minimal_size:
+            raise ValueError(
+                f"the {model.name} model needs {model.minimal_size} tracks that are "
+                f"seen in the same two frames; the best frame pair has {most} "
+                f"(n_samples={n_tracks})"
+            )
+        self.frame_pairs_ = pairs
+        self.hypotheses_ = draw_hypotheses(
+            points,
+            visibility,
+            pairs,
+            model,
+            self.n_hypotheses,
+            check_random_state(self.random_state),
+        )
+        self._centres, self._scale = working_coordinates(points, visibility)
+        return points, visibility
+
+    @property
+    def _n_features_out(self):
+        return self.hypotheses_.shape[0] * self.hypotheses_.shape[1]
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit_transform(self, X, y=None):
+        """Draw the hypotheses and give the residuals of the same tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+        y : ignored
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
+            As :meth:`transform`.
+        """
+        return self._residuals(*self._fit(X))
+
+    @single_threaded
+    def transform(self, X):
+        """Residuals of tracks, these or others of the same video.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
+            Squared Sampson errors in squared pixels, pair-major: the columns of the
+            first frame pair, then those of the second. NaN where the track is unseen
+            in the pair.
+        """
+        check_is_fitted(self)
+        return self._residuals(*self._read_tracks(X, reset=False))
+
+    def _residuals(self, points, visibility):
+        return residual_matrix(
+            points,
+            visibility,
+            self.frame_pairs_,
+            self.hypotheses_,
+            get_motion_model(self.model),
+            self._centres,
+            self._scale,
+        )
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.transformer_tags.preserves_dtype = ["float32"]
+        return tags

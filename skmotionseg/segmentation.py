@@ -1,0 +1,427 @@
+"""From tracks to motions: the estimator most people use, and the plain pipeline."""
+
+from __future__ import annotations
+
+import time
+from numbers import Integral, Real
+
+import numpy as np
+from joblib import Memory, Parallel, delayed
+from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
+from sklearn.pipeline import FeatureUnion, Pipeline
+from sklearn.utils import check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import check_is_fitted, check_memory
+
+from ._core.motion_models import MOTION_MODELS
+from ._core.tracks import pack_tracks
+from ._threads import single_threaded
+from ._validation import TracksInput, get_motion_model
+from .cluster import MultiModelSpectralClustering
+from .kernels import ORKKernel
+from .model_selection import NCREModelSelector
+from .sampling import HypothesisSampler
+
+ALL_MODELS = ("affine", "homography", "fundamental")
+
+
+class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
+    """Say which tracks of a moving camera move together.
+
+    For each motion model, hypotheses are drawn in all frame pairs, tracks that prefer
+    the same ones get a high affinity, and the affinities of all models are clustered
+    together. Unless it is given, the number of motions is chosen by normalised cut and
+    reconstruction error.
+
+    Parameters
+    ----------
+    n_motions : int or "auto", default="auto"
+        Number of motions, the static scene being one.
+    models : sequence of str, default=("affine", "homography", "fundamental")
+        Motion models to combine.
+    n_hypotheses : int, default=500
+        Hypotheses a frame pair and model.
+    frame_gap : int, default=1
+        Frames between the two of a pair.
+    top : float, default=0.1
+        Share of a pair's hypotheses a track keeps (see :class:`ORKKernel`).
+    sparsity : float or None, default=6
+        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`).
+    covisibility_prior : float, default=2
+        How little few common frames count (see :class:`ORKKernel`).
+    fusion : {"kernel_addition", "coreg", "subset"}, default="kernel_addition"
+        How the models are joined (see :class:`MultiModelSpectralClustering`).
+    lam, gamma : float, default=1e-2
+        Weights of the fusions "coreg" and "subset".
+    delta : float, default=0.2
+        Weight of the reconstruction error in choosing the number of motions (see
+        :class:`NCREModelSelector`).
+    min_motions, max_motions : int, default=1 and 10
+        Numbers to choose from when ``n_motions="auto"``.
+    memory : str, joblib.Memory or None, default=None
+        Caches the affinities of each model, so that fitting the same tracks with
+        another ``n_motions``, ``models``, ``fusion``, ``lam``, ``gamma`` or ``delta``
+        does not compute them again. Needs an integer ``random_state``.
+    n_jobs : int or None, default=None
+        Models at a time, as in joblib.
+    random_state : int, RandomState instance or None, default=None
+        Drives hypotheses and k-means. A model's hypotheses do not depend on which
+        other models there are.
+
+    Attributes
+    ----------
+    labels_ : ndarray of int, shape (n_tracks,)
+        ``0..n_motions_ - 1``, the largest motion first; -1 for a track that shares no
+        preference with another, such as one that is seen in a single frame.
+    n_motions_ : int
+    clusterer_ : MultiModelSpectralClustering or NCREModelSelector
+        With the embeddings of each model or the cost of each count.
+    branches_ : dict of str to (HypothesisSampler, ORKKernel)
+        The fitted estimators of each model.
+    stage_seconds_ : dict
+        Seconds for "hypotheses", "kernel" and "clustering" (summed over the models,
+        whether or not they ran at the same time) and "total", as first computed.
+    n_features_in_ : int
+        Two columns a frame.
+
+    See Also
+    --------
+    make_motion_pipeline : The same as a plain pipeline, to sweep every step.
+
+    Notes
+    -----
+    Tracks that are never seen together, not even through others, cannot be told to
+    move alike: they end up in motions of their own.
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021.
+
+    Examples
+    --------
+    >>> from skmotionseg import MotionSegmenter
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> from skmotionseg.metrics import misclassification_error
+    >>> X, y = make_rigid_motions(n_tracks=140, n_frames=10, random_state=0)
+    >>> segmenter = MotionSegmenter(n_hypotheses=200, random_state=0).fit(X)
+    >>> segmenter.n_motions_
+    3
+    >>> misclassification_error(y, segmenter.labels_) < 0.05
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "n_motions": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+        ],
+        "models": ["array-like"],
+        "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
+        "frame_gap": [Interval(Integral, 1, None, closed="left")],
+        "top": [Interval(Real, 0, 1, closed="right")],
+        "sparsity": [Interval(Real, 0, None, closed="neither"), None],
+        "covisibility_prior": [Interval(Real, 0, None, closed="left")],
+        "fusion": [str],
+        "lam": [Interval(Real, 0, None, closed="left")],
+        "gamma": [Interval(Real, 0, None, closed="left")],
+        "delta": [Interval(Real, 0, None, closed="left")],
+        "min_motions": [Interval(Integral, 1, None, closed="left")],
+        "max_motions": [Interval(Integral, 1, None, closed="left")],
+        "memory": [str, Memory, None],
+        "n_jobs": [Integral, None],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        n_motions="auto",
+        *,
+        models=ALL_MODELS,
+        n_hypotheses=500,
+        frame_gap=1,
+        top=0.1,
+        sparsity=6.0,
+        covisibility_prior=2.0,
+        fusion="kernel_addition",
+        lam=1e-2,
+        gamma=1e-2,
+        delta=0.2,
+        min_motions=1,
+        max_motions=10,
+        memory=None,
+        n_jobs=None,
+        random_state=None,
+    ):
+        self.n_motions = n_motions
+        self.models = models
+        self.n_hypotheses = n_hypotheses
+        self.frame_gap = frame_gap
+        self.top = top
+        self.sparsity = sparsity
+        self.covisibility_prior = covisibility_prior
+        self.fusion = fusion
+        self.lam = lam
+        self.gamma = gamma
+        self.delta = delta
+        self.min_motions = min_motions
+        self.max_motions = max_motions
+        self.memory = memory
+        self.n_jobs = n_jobs
+        self.random_state = random_state
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    @single_threaded
+    def fit(self, X, y=None):
+        """Segment tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+            Tracks in pixels; NaN where a point was not seen.
+        y : ignored
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If there are fewer tracks in each frame pair than a model needs, or fewer
+            than ``n_motions`` that share a preference with another.
+        """
+        models = _check_models(self.models)
+        tracks = pack_tracks(*self._read_tracks(X, reset=True))
+        started = time.perf_counter()
+        seeds = _model_seeds(check_random_state(self.random_state))
+        fit_branch = check_memory(self.memory).cache(_fit_branch)
+        branches = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(fit_branch)(*self._make_branch(model, seeds[model]), tracks)
+            for model in models
+        )
+        self.branches_ = {
+            model: (sampler, kernel)
+            for model, (sampler, kernel, _, _) in zip(models, branches, strict=True)
+        }
+        affinities = np.hstack([affinity for _, _, affinity, _ in branches])
+        clustering_started = time.perf_counter()
+        self.clusterer_ = self._make_clusterer(seeds["clustering"]).fit(affinities)
+        seconds = {
+            "hypotheses": sum(times[0] for *_, times in branches),
+            "kernel": sum(times[1] for *_, times in branches),
+            "clustering": time.perf_counter() - clustering_started,
+        }
+        self.stage_seconds_ = {**seconds, "total": time.perf_counter() - started}
+        self.labels_ = self.clusterer_.labels_
+        self.n_motions_ = int(self.labels_.max()) + 1
+        return self
+
+    def _make_branch(self, model, seed):
+        sampler = HypothesisSampler(
+            model,
+            n_hypotheses=self.n_hypotheses,
+            frame_gap=self.frame_gap,
+            random_state=seed,
+        )
+        kernel = ORKKernel(
+            n_hypotheses=self.n_hypotheses,
+            top=self.top,
+            sparsity=self.sparsity,
+            covisibility_prior=self.covisibility_prior,
+        )
+        return sampler, kernel
+
+    def _make_clusterer(self, seed):
+        return make_clusterer(
+            self.n_motions,
+            fusion=self.fusion,
+            lam=self.lam,
+            gamma=self.gamma,
+            delta=self.delta,
+            min_clusters=self.min_motions,
+            max_clusters=self.max_motions,
+            random_state=seed,
+        )
+
+    @single_threaded
+    def predict(self, X):
+        """Place tracks of the same video, fitted or not, in the motions found.
+
+        Parameters
+        ----------
+        X : array-like of shape (m, 2 * n_frames)
+
+        Returns
+        -------
+        ndarray of int, shape (m,)
+            -1 for a track that shares no preference with a fitted one.
+        """
+        check_is_fitted(self)
+        tracks = pack_tracks(*self._read_tracks(X, reset=False))
+        rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
+            delayed(_transform_branch)(sampler, kernel, tracks)
+            for sampler, kernel in self.branches_.values()
+        )
+        return self.clusterer_.predict(np.hstack(rows))
+
+
+def make_clusterer(
+    n_clusters, *, delta, min_clusters, max_clusters, random_state, **fusion
+):
+    """A clusterer for a known or unknown number of motions.
+
+    Parameters
+    ----------
+    n_clusters : int or "auto"
+    delta, min_clusters, max_clusters
+        For ``n_clusters="auto"``.
+    random_state : int, RandomState instance or None
+    **fusion
+        ``fusion``, ``lam`` and ``gamma``.
+
+    Returns
+    -------
+    MultiModelSpectralClustering or NCREModelSelector
+    """
+    clusterer = MultiModelSpectralClustering(random_state=random_state, **fusion)
+    if isinstance(n_clusters, str):
+        return NCREModelSelector(
+            clusterer,
+            delta=delta,
+            min_clusters=min_clusters,
+            max_clusters=max_clusters,
+        )
+    return clusterer.set_params(n_clusters=n_clusters)
+
+
+def make_motion_pipeline(
+    models=ALL_MODELS,
+    n_clusters="auto",
+    *,
+    n_hypotheses=500,
+    frame_gap=1,
+    top=0.1,
+    sparsity=6.0,
+    covisibility_prior=2.0,
+    fusion="kernel_addition",
+    lam=1e-2,
+    gamma=1e-2,
+    delta=0.2,
+    min_clusters=1,
+    max_clusters=10,
+    memory=None,
+    n_jobs=None,
+    random_state=None,
+):
+    """The whole method as a plain scikit-learn pipeline.
+
+    Parameters
+    ----------
+    models : sequence of str
+        One branch each, named after the model.
+    n_clusters : int or "auto"
+        Number of motions; "auto" puts an :class:`NCREModelSelector` at the end.
+    n_hypotheses, frame_gap, top, sparsity, covisibility_prior
+        As for :class:`MotionSegmenter`.
+    fusion, lam, gamma, delta
+        As for :class:`MotionSegmenter`.
+    min_clusters, max_clusters : int
+        Counts to choose from when ``n_clusters="auto"``.
+    memory : str, joblib.Memory or None
+        Caches each branch, so that a sweep over the last step, or over branches set to
+        ``"drop"``, fits each sampler and kernel once. Needs an integer
+        ``random_state``.
+    n_jobs : int or None
+        Branches at a time.
+    random_state : int, RandomState instance or None
+        Seeds every step.
+
+    Returns
+    -------
+    Pipeline
+        Steps "affinity", a :class:`~sklearn.pipeline.FeatureUnion` of branches
+        ``sampler`` - ``kernel``, and "cluster".
+
+    Examples
+    --------
+    >>> from skmotionseg import make_motion_pipeline
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=70, n_frames=6, random_state=0)
+    >>> pipeline = make_motion_pipeline(n_clusters=3, n_hypotheses=100, random_state=0)
+    >>> labels = pipeline.fit_predict(X)
+    >>> pipeline.set_params(affinity__affine="drop").fit_predict(X).shape
+    (70,)
+    """
+    seeds = _model_seeds(check_random_state(random_state))
+    branches = [
+        (model, _branch_pipeline(sampler, kernel, memory))
+        for model in _check_models(models)
+        for sampler, kernel in [
+            (
+                HypothesisSampler(
+                    model,
+                    n_hypotheses=n_hypotheses,
+                    frame_gap=frame_gap,
+                    random_state=seeds[model],
+                ),
+                ORKKernel(
+                    n_hypotheses=n_hypotheses,
+                    top=top,
+                    sparsity=sparsity,
+                    covisibility_prior=covisibility_prior,
+                ),
+            )
+        ]
+    ]
+    clusterer = make_clusterer(
+        n_clusters,
+        fusion=fusion,
+        lam=lam,
+        gamma=gamma,
+        delta=delta,
+        min_clusters=min_clusters,
+        max_clusters=max_clusters,
+        random_state=seeds["clustering"],
+    )
+    return Pipeline(
+        [("affinity", FeatureUnion(branches, n_jobs=n_jobs)), ("cluster", clusterer)]
+    )
+
+
+def _branch_pipeline(sampler, kernel, memory):
+    # Pipeline never caches its last step, so the kernel must not be the last.
+    return Pipeline(
+        [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
+        memory=memory,
+    )
+
+
+def _check_models(models):
+    names = [models] if isinstance(models, str) else list(models)
+    if not names:
+        raise ValueError("models must name at least one motion model; got none")
+    if len(set(names)) < len(names):
+        raise ValueError(f"models must differ; got {names}")
+    return [get_motion_model(name).name for name in names]
+
+
+def _model_seeds(random_state):
+    """One seed for each registered model and one for clustering, always all drawn."""
+    names = [*MOTION_MODELS, "clustering"]
+    seeds = random_state.randint(np.iinfo(np.int32).max, size=len(names))
+    return dict(zip(names, map(int, seeds), strict=True))
+
+
+def _fit_branch(sampler, kernel, tracks):
+    """Fit one model's sampler and kernel; give them, the affinity and the seconds."""
+    started = time.perf_counter()
+    residuals = sampler.fit_transform(tracks)
+    sampled = time.perf_counter()
+    affinity = kernel.fit_transform(residuals)
+    done = time.perf_counter()
+    return sampler, kernel, affinity, (sampled - started, done - sampled)
+
+
+def _transform_branch(sampler, kernel, tracks):
+    return kernel.transform(sampler.transform(tracks))
