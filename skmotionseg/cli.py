@@ -123,7 +123,7 @@ def _draw_comparison(pyplot, X, true, found, path):
     plot_motions(X, true, ax=axes[0], title="true motions")
     plot_motions(X, found, ax=axes[1], title="found motions")
     axes[1].set_ylabel("")
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight")
     pyplot.close(figure)
 
 
@@ -186,10 +186,15 @@ def _segment(arguments):
             sequence.data
         )
     labels = segmenter.labels_
-    facts = [*_track_facts(sequence.data), ("motions found", str(segmenter.n_motions_))]
-    for motion in range(segmenter.n_motions_):
-        facts.append((f"tracks of motion {motion}", str((labels == motion).sum())))
-    facts.append(("tracks of no motion", str((labels < 0).sum())))
+    facts = [
+        *_track_facts(sequence.data),
+        ("motions found", str(segmenter.n_motions_)),
+        *(
+            (f"tracks of motion {motion}", str((labels == motion).sum()))
+            for motion in range(segmenter.n_motions_)
+        ),
+        ("tracks of no motion", str((labels < 0).sum())),
+    ]
     if sequence.target is not None and (sequence.target >= 0).any():
         error = misclassification_error(sequence.target, labels)
         facts.append(("misclassification", f"{error:.2%}"))
@@ -227,7 +232,7 @@ def _draw_motions(X, labels, path):
     pyplot = _pyplot()
     figure, ax = pyplot.subplots(figsize=(8, 5), layout="constrained")
     plot_motions(X, labels, ax=ax)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight")
     pyplot.close(figure)
 
 

@@ -68,10 +68,11 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         affinity to another in any view.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
-    objective_ : ndarray of shape (n_iter_ + 1,)
-        The cost before the first and after each sweep over the views.
+    objective_ : ndarray of shape (n_iter_,)
+        The cost of the views by themselves, and after each sweep that draws them
+        together.
     n_iter_ : int
-        Sweeps taken; 0 where the solution is direct.
+        1 where the solution is direct.
     n_views_ : int
     n_features_in_ : int
 
@@ -193,7 +194,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         self.view_embeddings_ = np.zeros((len(views), n, self.n_clusters))
         self.view_embeddings_[:, connected] = fused.embeddings
         self.objective_ = fused.objective
-        self.n_iter_ = len(fused.objective) - 1
+        self.n_iter_ = len(fused.objective)
         self._degrees = np.zeros((len(views), n))
         self._degrees[:, connected] = degrees
         self._shrinkage = np.stack(

@@ -6,6 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 from joblib import Parallel, delayed
+from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval
@@ -256,14 +257,15 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         ValueError
             If ``X`` holds no sequence, or ``y`` not a label a track.
         """
-        sequences = self._read_sequences(X)
+        sequences = self._read_sequences(X, reset=True)
         if y is not None:
             self._read_labels(y, sequences)
-        self.n_sequences_ = len(sequences)
         return self
 
-    def _read_sequences(self, X):
+    def _read_sequences(self, X, *, reset):
         """Check sequences and list them as arrays."""
+        if issparse(X):
+            raise TypeError("sparse data is not supported; give a list of track arrays")
         sequences = [np.asarray(x) for x in X] if _is_listlike(X) else []
         if not sequences:
             raise ValueError(
@@ -276,6 +278,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
                     "each sequence must be a track array of shape (n_tracks, "
                     f"2 * n_frames); sequence {i} has shape {x.shape}"
                 )
+        if reset:
+            self.n_sequences_ = len(sequences)
         return sequences
 
     def _read_labels(self, y, sequences):
@@ -305,7 +309,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         """
         check_is_fitted(self)
         return Parallel(n_jobs=self.n_jobs)(
-            delayed(_segment)(self.estimator, x) for x in self._read_sequences(X)
+            delayed(_segment)(self.estimator, x)
+            for x in self._read_sequences(X, reset=False)
         )
 
     def score(self, X, y):
@@ -321,7 +326,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         -------
         float
         """
-        labels = self._read_labels(y, self._read_sequences(X))
+        check_is_fitted(self)
+        labels = self._read_labels(y, self._read_sequences(X, reset=False))
         errors = map(misclassification_error, labels, self.predict(X))
         return 1 - float(np.mean(list(errors)))
 

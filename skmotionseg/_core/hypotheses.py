@@ -10,6 +10,11 @@ from .tracks import apply_similarity, normalization, similarity
 # a degenerate draw, one set in a million is still degenerate at the end.
 MAX_REDRAWS = 20
 
+# Tracks go through the matrix product in blocks of so many, the last one padded: BLAS
+# rounds differently for other shapes, and a track's residuals must not depend on which
+# tracks come with it.
+ROWS_A_BLOCK = 64
+
 
 def draw_minimal_sets(n_available, size, random_state):
     """Draw sets of distinct positions, uniformly and without a loop over sets.
@@ -142,9 +147,17 @@ def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale
             continue
         S, T = similarity(1 / scale, centres[f]), similarity(1 / scale, centres[g])
         local = model.change_coordinates(hypotheses[p], S, T)
-        x = apply_similarity(S, points[rows, f]).astype(np.float32)
-        y = apply_similarity(T, points[rows, g]).astype(np.float32)
-        block = model.residuals(local.astype(np.float32), x, y)
-        block *= np.float32(scale) ** 2
-        residuals[rows, p] = block
+        block = model.residuals(
+            local.astype(np.float32),
+            _in_blocks(apply_similarity(S, points[rows, f])),
+            _in_blocks(apply_similarity(T, points[rows, g])),
+        ).reshape(-1, n_hypotheses)
+        residuals[rows, p] = np.float32(scale**2) * block[: len(rows)]
     return residuals.reshape(len(points), -1)
+
+
+def _in_blocks(x):
+    """Points (n, 2) as float32 blocks (n_blocks, ROWS_A_BLOCK, 2), zeros at the end."""
+    blocks = np.zeros((-(-len(x) // ROWS_A_BLOCK), ROWS_A_BLOCK, 2), dtype=np.float32)
+    blocks.reshape(-1, 2)[: len(x)] = x
+    return blocks

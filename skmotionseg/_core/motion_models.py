@@ -35,7 +35,7 @@ class MotionModel:
         ``(..., p, 2), (..., p, 2) -> (..., 3, 3)``: the model through minimal sets
         of normalised points in the first and second frame; NaN where degenerate.
     residuals : callable
-        ``(K, 3, 3), (n, 2), (n, 2) -> (n, K)``: squared Sampson errors.
+        ``(K, 3, 3), (..., n, 2), (..., n, 2) -> (..., n, K)``: squared Sampson errors.
     change_coordinates : callable
         ``M, S, T -> M'``: the model of the points ``(S x, T y)``, given that of
         ``(x, y)``.
@@ -146,8 +146,7 @@ def fit_fundamental(x, y):
         points of a frame are collinear.
     """
     good = _distinct(x, y) & ~_collinear(x) & ~_collinear(y)
-    x = np.concatenate([x, np.ones((*x.shape[:-1], 1))], axis=-1)
-    y = np.concatenate([y, np.ones((*y.shape[:-1], 1))], axis=-1)
+    x, y = _homogeneous(x), _homogeneous(y)
     rows = (y[..., :, None] * x[..., None, :]).reshape(*x.shape[:-1], 9)
     F = null_vectors(rows.reshape(-1, 8, 9)).reshape(*x.shape[:-2], 3, 3)
     F = _rank_two(F)
@@ -207,13 +206,13 @@ def affine_residuals(A, x, y):
     Parameters
     ----------
     A : ndarray of shape (K, 3, 3)
-    x, y : ndarray of shape (n, 2)
+    x, y : ndarray of shape (..., n, 2)
         Points in the first and second frame; the unit of the result is theirs,
         squared.
 
     Returns
     -------
-    ndarray of shape (n, K)
+    ndarray of shape (..., n, K)
     """
     linear = A[:, :2, :2]
     minus_one = np.broadcast_to(-np.eye(2, dtype=A.dtype), linear.shape)
@@ -223,7 +222,7 @@ def affine_residuals(A, x, y):
     first = equations[:, 0] / np.sqrt(a)[:, None]
     second = equations[:, 1] - (b / a)[:, None] * equations[:, 0]
     second /= np.sqrt(c - b * b / a)[:, None]  # Cholesky whitening of A A^T + I
-    features = np.column_stack([x, np.ones_like(x[:, :1]), y])  # (n, 5)
+    features = np.concatenate([_homogeneous(x), y], axis=-1)  # (..., n, 5)
     squared = features @ first.T
     squared *= squared
     rest = features @ second.T
@@ -242,15 +241,15 @@ def homography_residuals(H, x, y):
     Parameters
     ----------
     H : ndarray of shape (K, 3, 3)
-    x, y : ndarray of shape (n, 2)
+    x, y : ndarray of shape (..., n, 2)
 
     Returns
     -------
-    ndarray of shape (n, K)
+    ndarray of shape (..., n, K)
     """
     H = _unit_norm(H)
-    u, v, w = _map_points(H, x)  # (n, K) each
-    y0, y1 = y[:, :1], y[:, 1:]
+    u, v, w = _map_points(H, x)  # (..., n, K) each
+    y0, y1 = y[..., :1], y[..., 1:]
     c0, c1 = u - y0 * w, v - y1 * w
     p0, p1 = H[:, 0, 0] - y0 * H[:, 2, 0], H[:, 0, 1] - y0 * H[:, 2, 1]
     q0, q1 = H[:, 1, 0] - y1 * H[:, 2, 0], H[:, 1, 1] - y1 * H[:, 2, 1]
@@ -271,17 +270,17 @@ def fundamental_residuals(F, x, y):
     Parameters
     ----------
     F : ndarray of shape (K, 3, 3)
-    x, y : ndarray of shape (n, 2)
+    x, y : ndarray of shape (..., n, 2)
 
     Returns
     -------
-    ndarray of shape (n, K)
+    ndarray of shape (..., n, K)
     """
     F = _unit_norm(F)
-    l0, l1, l2 = _map_points(F, x)  # epipolar lines in the second frame, (n, K) each
-    k0, k1, _ = _map_points(F.transpose(0, 2, 1), y)
-    l2 += y[:, :1] * l0
-    l2 += y[:, 1:] * l1
+    l0, l1, l2 = _map_points(F, x)  # epipolar lines in the second frame
+    k0, k1, _ = _map_points(F.transpose(0, 2, 1), y)  # (..., n, K) each
+    l2 += y[..., :1] * l0
+    l2 += y[..., 1:] * l1
     l2 *= l2
     denominator = l0 * l0
     for part in (l1, k0, k1):
@@ -290,10 +289,14 @@ def fundamental_residuals(F, x, y):
     return _ratio(l2, denominator)
 
 
+def _homogeneous(x):
+    return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)
+
+
 def _map_points(M, x):
-    """The three homogeneous coordinates of ``M x``, each (n, K)."""
-    homogeneous = np.column_stack([x, np.ones_like(x[:, :1])])  # (n, 3)
-    return [homogeneous @ M[:, i].T for i in range(3)]
+    """The three homogeneous coordinates of ``M x``, each (..., n, K)."""
+    x = _homogeneous(x)
+    return [x @ M[:, i].T for i in range(3)]
 
 
 def _ratio(numerator, denominator):

@@ -22,8 +22,8 @@ class Fusion:
     ----------
     embeddings : ndarray of shape (n_views, n, n_clusters)
         Orthonormal columns.
-    objective : ndarray of shape (n_iter + 1,)
-        The cost before the first and after each sweep over the views.
+    objective : ndarray of shape (n_iter,)
+        The cost of the views by themselves, and after each sweep over them.
     """
 
     embeddings: np.ndarray

@@ -1,0 +1,32 @@
+"""What several test files share: scenes, real sequences, readers for odd widths."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from skmotionseg.datasets import make_rigid_motions
+
+matplotlib.use("Agg")
+
+
+@pytest.fixture(scope="session")
+def scene():
+    """A small scene of three motions: (X, y)."""
+    return make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
+
+
+@pytest.fixture(scope="session")
+def real_data():
+    """The folder of the benchmarks, or a skip that says where it was looked for."""
+    beside = Path(__file__).parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("SKMOTIONSEG_DATA", beside))
+    if not folder.is_dir():
+        pytest.skip(
+            f"no real sequences in {folder}; set SKMOTIONSEG_DATA to the folder that "
+            "holds KT3DMoSeg, Hopkins155, Hopkins12 and MTPV62"
+        )
+    return folder
