@@ -110,10 +110,10 @@ def split_views(X, n_views):
     return X.reshape(len(X), n_views, -1).swapaxes(0, 1)
 
 
-def check_n_groups(name, count, n_connected, n_samples):
+def check_n_groups(name, count, graph):
     """Raise if a number of groups exceeds the tracks that can be grouped."""
-    if count > n_connected:
+    if count > len(graph.connected):
         raise ValueError(
-            f"{name}={count} is more than the {n_connected} tracks that have an "
-            f"affinity to another (n_samples={n_samples})"
+            f"{name}={count} is more than the {len(graph.connected)} tracks that have "
+            f"an affinity to another (n_samples={graph.n_samples})"
         )

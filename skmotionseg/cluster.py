@@ -16,10 +16,9 @@ from sklearn.utils.validation import check_is_fitted, check_non_negative, valida
 from ._core.selection import canonical_labels
 from ._core.spectral import (
     FUSIONS,
+    ViewGraph,
     cluster_features,
     extend_embedding,
-    meets_another,
-    normalized_affinity,
 )
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities, split_views
@@ -157,23 +156,20 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             If ``X`` is not made of such blocks, or fewer than ``n_clusters`` rows have
             an affinity to another.
         """
+        views = read_affinities(self, X)
+        graph = ViewGraph.from_affinities(views, self.n_clusters)
+        check_n_groups("n_clusters", self.n_clusters, graph)
+        return self._fit_graph(graph)
+
+    def _fit_graph(self, graph):
+        """Cluster the tracks that meet another, and put them back in their rows."""
         if self.fusion not in FUSIONS:
             raise ValueError(
                 f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
             )
-        views = read_affinities(self, X)
-        self.n_views_, n = views.shape[:2]
-        connected = np.flatnonzero(meets_another(views)) if n > 1 else np.arange(n)
-        check_n_groups("n_clusters", self.n_clusters, len(connected), n)
-        self._fit_connected(views[:, connected[:, None], connected], connected, n)
-        return self
-
-    def _fit_connected(self, views, connected, n):
-        """Cluster the tracks that meet another, and put them back in their rows."""
-        degrees = views.sum(axis=2)
-        normalized = np.stack([normalized_affinity(view) for view in views])
+        connected, n = graph.connected, graph.n_samples
         fused = FUSIONS[self.fusion](
-            normalized,
+            graph,
             self.n_clusters,
             lam=self.lam,
             gamma=self.gamma,
@@ -186,23 +182,22 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             self.n_init,
             check_random_state(self.random_state),
         )
-        self.labels_ = np.full(n, -1)
-        self.labels_[connected] = self._kmeans.labels_
-        self.labels_ = canonical_labels(self.labels_)
+        labels = np.full(n, -1)
+        labels[connected] = self._kmeans.labels_
+        self.labels_ = canonical_labels(labels)
         self._label_of_centre = np.zeros(self.n_clusters, dtype=int)
         self._label_of_centre[self._kmeans.labels_] = self.labels_[connected]
-        self.view_embeddings_ = np.zeros((len(views), n, self.n_clusters))
+        self.n_views_ = len(graph.degrees)
+        self.view_embeddings_ = np.zeros((self.n_views_, n, self.n_clusters))
         self.view_embeddings_[:, connected] = fused.embeddings
         self.objective_ = fused.objective
         self.n_iter_ = len(fused.objective)
-        self._degrees = np.zeros((len(views), n))
-        self._degrees[:, connected] = degrees
-        self._shrinkage = np.stack(
-            [
-                np.sum(U * (N @ U), axis=0)
-                for N, U in zip(normalized, fused.embeddings, strict=True)
-            ]
+        self._degrees = np.zeros((self.n_views_, n))
+        self._degrees[:, connected] = graph.degrees
+        self._shrinkage = np.sum(
+            fused.embeddings * (graph.normalized @ fused.embeddings), axis=1
         )
+        return self
 
     @single_threaded
     def predict(self, X):

@@ -13,7 +13,7 @@ from sklearn.utils._param_validation import HasMethods, Interval
 from sklearn.utils.validation import check_is_fitted
 
 from ._core.selection import normalized_cut, reconstruction_error
-from ._core.spectral import meets_another
+from ._core.spectral import ViewGraph
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
@@ -122,18 +122,10 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
                 f"{self.min_clusters} and {self.max_clusters}"
             )
         views = read_affinities(self, X)
-        n = views.shape[1]
-        n_connected = int(meets_another(views).sum()) if n > 1 else n
-        check_n_groups("min_clusters", self.min_clusters, n_connected, n)
-        self.counts_ = np.arange(
-            self.min_clusters, min(self.max_clusters, n_connected) + 1
-        )
-        base = self._base_clusterer()
-        stacked = np.hstack(views)
-        candidates = [
-            clone(base).set_params(n_clusters=int(count)).fit(stacked)
-            for count in self.counts_
-        ]
+        graph = ViewGraph.from_affinities(views, self.max_clusters)
+        check_n_groups("min_clusters", self.min_clusters, graph)
+        self.counts_ = np.arange(self.min_clusters, graph.n_leading + 1)
+        candidates = self._fit_candidates(views, graph)
         self.candidate_labels_ = np.stack([c.labels_ for c in candidates])
         self.costs_ = np.stack(
             [partition_costs(views, c.labels_, self.delta) for c in candidates]
@@ -143,6 +135,21 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         self.n_clusters_ = int(self.counts_[best])
         self.labels_ = self.candidate_labels_[best]
         return self
+
+    def _fit_candidates(self, views, graph):
+        """A fitted clusterer for each count; ours share the graph's eigenvectors."""
+        base = self._base_clusterer()
+        candidates = [
+            clone(base).set_params(n_clusters=int(count)) for count in self.counts_
+        ]
+        if isinstance(base, MultiModelSpectralClustering):
+            base._validate_params()
+            for candidate in candidates:
+                candidate.n_features_in_ = self.n_features_in_
+                candidate._fit_graph(graph)
+            return candidates
+        stacked = np.hstack(views)
+        return [candidate.fit(stacked) for candidate in candidates]
 
     def _base_clusterer(self):
         if self.clusterer is None:

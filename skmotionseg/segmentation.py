@@ -103,8 +103,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     >>> from skmotionseg import MotionSegmenter
     >>> from skmotionseg.datasets import make_rigid_motions
     >>> from skmotionseg.metrics import misclassification_error
-    >>> X, y = make_rigid_motions(n_tracks=140, n_frames=10, random_state=0)
-    >>> segmenter = MotionSegmenter(n_hypotheses=200, random_state=0).fit(X)
+    >>> X, y = make_rigid_motions(random_state=0)
+    >>> segmenter = MotionSegmenter(random_state=0).fit(X)
     >>> segmenter.n_motions_
     3
     >>> misclassification_error(y, segmenter.labels_) < 0.05

@@ -2,16 +2,65 @@
 
 All functions work with normalised affinities ``N = D^-1/2 K D^-1/2``; the Laplacian of
 the paper is ``L = I - N``, so its smallest eigenvectors are the largest ones here.
-A fusion takes the stack of all views and gives one embedding a view; to add one,
-write it with the signature of :func:`kernel_addition` and enter it in :data:`FUSIONS`.
+A fusion takes a :class:`ViewGraph` and gives one embedding a view; to add one, write it
+with the signature of :func:`kernel_addition` and enter it in :data:`FUSIONS`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+
+
+@dataclass(frozen=True)
+class ViewGraph:
+    """The affinities of several views among the tracks that meet another.
+
+    Eigenvectors are computed when first asked for and serve every number of clusters
+    up to ``n_leading``.
+
+    Attributes
+    ----------
+    n_samples : int
+        Tracks, those that meet no other included.
+    connected : ndarray of int, shape (n,)
+        The tracks that do, by their position.
+    degrees : ndarray of shape (n_views, n)
+    normalized : ndarray of shape (n_views, n, n)
+        ``D^-1/2 K D^-1/2`` of each view.
+    n_leading : int
+    """
+
+    n_samples: int
+    connected: np.ndarray
+    degrees: np.ndarray
+    normalized: np.ndarray
+    n_leading: int
+
+    @classmethod
+    def from_affinities(cls, views, n_leading):
+        """Build the graph from affinities (n_views, n_samples, n_samples)."""
+        n_samples = views.shape[1]
+        connected = connected_tracks(views)
+        views = views[:, connected[:, None], connected]
+        normalized = np.stack([normalized_affinity(view) for view in views])
+        n_leading = min(n_leading, len(connected))
+        return cls(n_samples, connected, views.sum(axis=2), normalized, n_leading)
+
+    @cached_property
+    def view_vectors(self):
+        """Leading eigenvectors of each view, (n_views, n, n_leading)."""
+        return np.stack(
+            [leading_eigenvectors(N, self.n_leading)[1] for N in self.normalized]
+        )
+
+    @cached_property
+    def sum_vectors(self):
+        """Leading eigenvectors of the sum of the views, (n, n_leading)."""
+        return leading_eigenvectors(self.normalized.sum(axis=0), self.n_leading)[1]
 
 
 @dataclass(frozen=True)
@@ -46,8 +95,8 @@ def normalized_affinity(affinity):
     return affinity * scale[:, None] * scale
 
 
-def meets_another(views):
-    """Which rows have an affinity to any but themselves, in any view.
+def connected_tracks(views):
+    """Positions of the tracks that have an affinity to another, in any view.
 
     Parameters
     ----------
@@ -55,11 +104,14 @@ def meets_another(views):
 
     Returns
     -------
-    ndarray of bool, shape (n,)
+    ndarray of int
+        A single track counts as connected: it is a group by itself.
     """
     positive = (views > 0).any(axis=0)
-    np.fill_diagonal(positive, False)
-    return positive.any(axis=1)
+    if len(positive) > 1:
+        np.fill_diagonal(positive, False)
+        return np.flatnonzero(positive.any(axis=1))
+    return np.arange(len(positive))
 
 
 def inverse_sqrt(degrees):
@@ -117,15 +169,14 @@ def cluster_features(embeddings):
 # ---------------------------------------------------------------------- fusions
 
 
-def kernel_addition(views, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=0.0):
+def kernel_addition(graph, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=0.0):
     """One embedding for all views, of the sum of their Laplacians.
 
     Xu, Cheong and Li (2021), "Kernel Addition": ``min tr(U^T sum_v L_v U)``.
 
     Parameters
     ----------
-    views : ndarray of shape (n_views, n, n)
-        Normalised affinities.
+    graph : ViewGraph
     n_clusters : int
     lam, gamma, max_iter, tol : ignored
         So that all fusions are called alike.
@@ -134,12 +185,12 @@ def kernel_addition(views, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=
     -------
     Fusion
     """
-    U = leading_eigenvectors(np.sum(views, axis=0), n_clusters)[1]
-    embeddings = np.stack([U] * len(views))
-    return Fusion(embeddings, np.array([_cut_cost(views, embeddings)]))
+    U = graph.sum_vectors[:, :n_clusters]
+    embeddings = np.stack([U] * len(graph.normalized))
+    return Fusion(embeddings, np.array([_cut_cost(graph, embeddings)]))
 
 
-def co_regularization(views, n_clusters, *, lam, gamma=None, max_iter, tol):
+def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
     """An embedding a view, drawn towards those of the other views.
 
     Xu, Cheong and Li (2021), eq. 3, after Kumar, Rai and Daume (2011): each view in
@@ -149,8 +200,7 @@ def co_regularization(views, n_clusters, *, lam, gamma=None, max_iter, tol):
 
     Parameters
     ----------
-    views : ndarray of shape (n_views, n, n)
-        Normalised affinities.
+    graph : ViewGraph
     n_clusters : int
     lam : float
         Weight of agreement.
@@ -173,12 +223,12 @@ def co_regularization(views, n_clusters, *, lam, gamma=None, max_iter, tol):
         agreement = sum(
             np.sum((U[v].T @ U[w]) ** 2) for v in range(len(U)) for w in range(v)
         )
-        return _cut_cost(views, U) - lam * agreement
+        return _cut_cost(graph, U) - lam * agreement
 
-    return _alternate(views, n_clusters, pull, cost, max_iter, tol)
+    return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
 
 
-def subset_constraint(views, n_clusters, *, lam=None, gamma, max_iter, tol):
+def subset_constraint(graph, n_clusters, *, lam=None, gamma, max_iter, tol):
     """An embedding a view, under "what a simpler model joins, a richer one joins".
 
     Xu, Cheong and Li (2021), eq. 5 and algorithm 1. Views are in the order affine,
@@ -188,8 +238,8 @@ def subset_constraint(views, n_clusters, *, lam=None, gamma, max_iter, tol):
 
     Parameters
     ----------
-    views : ndarray of shape (n_views, n, n)
-        Normalised affinities, the simplest model first.
+    graph : ViewGraph
+        The simplest model first.
     n_clusters : int
     lam : ignored
     gamma : float
@@ -203,7 +253,7 @@ def subset_constraint(views, n_clusters, *, lam=None, gamma, max_iter, tol):
     """
 
     def pull(v, U):  # gamma Q_v
-        Q = np.zeros_like(views[v])
+        Q = np.zeros_like(graph.normalized[v])
         if v > 0:
             Q += np.maximum(U[v - 1] @ U[v - 1].T, 0)
         if v + 1 < len(U):
@@ -211,11 +261,11 @@ def subset_constraint(views, n_clusters, *, lam=None, gamma, max_iter, tol):
         return gamma * Q
 
     def cost(U):
-        return _cut_cost(views, U) - sum(
+        return _cut_cost(graph, U) - sum(
             np.sum(U[v] * (pull(v, U) @ U[v])) for v in range(len(U))
         )
 
-    return _alternate(views, n_clusters, pull, cost, max_iter, tol)
+    return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
 
 
 FUSIONS = {
@@ -225,12 +275,12 @@ FUSIONS = {
 }
 
 
-def _alternate(views, n_clusters, pull, cost, max_iter, tol):
+def _alternate(graph, n_clusters, pull, cost, max_iter, tol):
     """Sweep over the views until the cost settles; one view needs no sweep."""
-    U = np.stack([leading_eigenvectors(N, n_clusters)[1] for N in views])
+    U = graph.view_vectors[:, :, :n_clusters].copy()
     objective = [cost(U)]
-    for _ in range(max_iter if len(views) > 1 else 0):
-        for v, N in enumerate(views):
+    for _ in range(max_iter if len(U) > 1 else 0):
+        for v, N in enumerate(graph.normalized):
             U[v] = leading_eigenvectors(N + pull(v, U), n_clusters)[1]
         objective.append(cost(U))
         if abs(objective[-2] - objective[-1]) < tol * n_clusters:
@@ -238,10 +288,10 @@ def _alternate(views, n_clusters, pull, cost, max_iter, tol):
     return Fusion(U, np.array(objective))
 
 
-def _cut_cost(views, embeddings):
+def _cut_cost(graph, embeddings):
     """``sum_v tr(U_v^T L_v U_v)``."""
-    return sum(
-        U.shape[1] - np.sum(U * (N @ U)) for N, U in zip(views, embeddings, strict=True)
+    return embeddings.shape[0] * embeddings.shape[2] - np.sum(
+        embeddings * (graph.normalized @ embeddings)
     )
 
 
