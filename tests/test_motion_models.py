@@ -42,9 +42,7 @@ def normalized_views(shape="general", camera="general", n_tracks=60):
         noise=0,
         random_state=0,
     )
-    views = X[:, :2], X[:, -2:]
-    return [np.array([textbook.transform(T, p) for p in v])
-            for v in views for T in [textbook.normalization(v)]]  # fmt: skip
+    return [move(textbook.normalization(x), x) for x in (X[:, :2], X[:, -2:])]
 
 
 def exact_motion(model):
@@ -63,12 +61,14 @@ def fit_exact(model):
     return x, y, model.fit(x[: model.minimal_size], y[: model.minimal_size])
 
 
-def unit(M):
-    """Models at unit Frobenius norm, the entry of largest magnitude positive."""
-    M = M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
-    flat = M.reshape(*M.shape[:-2], 9)
-    largest = np.abs(flat).argmax(axis=-1)[..., None]
-    return M * np.sign(np.take_along_axis(flat, largest, axis=-1))[..., None]
+def assert_same_models(actual, expected, atol):
+    """Equal but for scale and sign, entries compared at unit Frobenius norm."""
+    assert np.isfinite(actual).all()
+    actual, expected = (
+        M / np.linalg.norm(M, axis=(-2, -1), keepdims=True) for M in (actual, expected)
+    )
+    signs = np.sign(np.sum(actual * expected, axis=(-2, -1), keepdims=True))
+    assert_allclose(signs * actual, expected, atol=atol)
 
 
 def similarity(scale, angle, shift):
@@ -102,14 +102,14 @@ def test_eight_or_fewer_points_of_a_motion_explain_all_of_it(model):
 def test_fits_equal_the_textbook(model, rng):
     x, y = random_sets(rng, model.minimal_size)
     expected = [textbook.FITS[model.name](a, b) for a, b in zip(x, y, strict=True)]
-    assert_allclose(unit(model.fit(x, y)), unit(np.array(expected)), atol=1e-9)
+    assert_same_models(model.fit(x, y), np.array(expected), atol=1e-9)
 
 
 @every_model
 def test_the_order_of_a_minimal_set_does_not_matter(model, rng):
     x, y = random_sets(rng, model.minimal_size)
     backwards = model.fit(x[:, ::-1], y[:, ::-1])
-    assert_allclose(unit(backwards), unit(model.fit(x, y)), atol=1e-9)
+    assert_same_models(backwards, model.fit(x, y), atol=1e-9)
 
 
 @every_model
@@ -152,11 +152,11 @@ def test_the_fundamental_matrix_of_known_cameras_is_found(rng):
     """``F = [t]_x R`` for calibrated cameras ``[I 0]`` and ``[R t]`` (HZ, 9.12)."""
     R = similarity(1, 0.2, (0, 0))
     t = np.array([0.3, -0.1, 0.2])
-    world = rng.uniform(-1, 1, size=(8, 3)) + [0, 0, 4]
+    world = rng.uniform([-1, -1, 3], [1, 1, 5], size=(8, 3))
     moved = world @ R.T + t
     F = FUNDAMENTAL.fit(world[:, :2] / world[:, 2:], moved[:, :2] / moved[:, 2:])
     t_cross = np.array([[0, -t[2], t[1]], [t[2], 0, -t[0]], [-t[1], t[0], 0]])
-    assert_allclose(unit(F), unit(t_cross @ R), atol=1e-10)
+    assert_same_models(F, t_cross @ R, atol=1e-10)
 
 
 # ------------------------------------------------------------ degenerate minimal sets
@@ -280,9 +280,9 @@ def test_single_precision_residuals_are_right_to_rounding(model, rng):
     exact = np.sqrt(model.residuals(models, x, y))
     single = model.residuals(*(a.astype(np.float32) for a in (models, x, y)))
     assert single.dtype == np.float32
-    typical = np.abs(np.sqrt(single) - exact)
-    assert np.quantile(typical, 0.99) < 3e-6
-    assert typical.max() < 3e-4
+    error = np.abs(np.sqrt(single) - exact)
+    assert np.quantile(error, 0.99) < 2e-6
+    assert error.max() < 1e-3
 
 
 @pytest.mark.parametrize("stretch", [1e2, 1e3, 1e4, 1e5])
@@ -368,13 +368,19 @@ def test_a_homography_that_is_affine_has_the_error_of_the_affine_map(rng):
 
 
 def test_at_both_epipoles_the_epipolar_error_is_zero():
-    F = FUNDAMENTAL.from_translation(np.array([1.0, 0.0]))
-    F = (
-        np.diag([1.0, 1.0, 0.0]) @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0.0]])
-        + 0 * F
-    )
+    F = np.array([[[0.0, 1, 0], [-1, 0, 0], [0, 0, 0]]])  # a camera driving forward
     origin = np.zeros((1, 2))
-    assert_array_equal(FUNDAMENTAL.residuals(F[None], origin, origin), [[0]])
+    assert_array_equal(FUNDAMENTAL.residuals(F, origin, origin), [[0]])
+
+
+@every_model
+def test_residuals_keep_the_shape_of_the_stack(model, rng):
+    models = model.fit(*random_sets(rng, model.minimal_size, n_sets=7))
+    x, y = rng.normal(size=(2, 3, 5, 2))
+    stacked = model.residuals(models, x, y)
+    assert stacked.shape == (3, 5, 7)
+    for block, a, b in zip(stacked, x, y, strict=True):
+        assert_allclose(block, model.residuals(models, a, b), rtol=1e-9)
 
 
 # ------------------------------------------------------------ changes of coordinates
@@ -504,7 +510,7 @@ def test_fits_equal_those_of_scikit_image(model, name, skimage_estimate, rng):
     for x, y in zip(*random_sets(rng, model.minimal_size, n_sets=20), strict=True):
         x, y = rms_normalized(x), rms_normalized(y)
         expected = skimage_estimate(name, x, y).params
-        assert_allclose(unit(model.fit(x, y)), unit(expected), atol=1e-9)
+        assert_same_models(model.fit(x, y), expected, atol=1e-9)
 
 
 def test_the_epipolar_error_is_that_of_scikit_image(skimage_estimate, rng):

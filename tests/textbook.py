@@ -166,10 +166,10 @@ def ordered_residual_kernel(R, n_hypotheses, n_top, prior):
     n, n_pairs = len(R), R.shape[1] // n_hypotheses
     tops = [
         [
-            top_hypotheses(list(row[p * n_hypotheses : (p + 1) * n_hypotheses]), n_top)
+            top_hypotheses(row[p * n_hypotheses : (p + 1) * n_hypotheses], n_top)
             for p in range(n_pairs)
         ]
-        for row in R
+        for row in R.tolist()
     ]
     K = np.zeros((n, n))
     for i in range(n):
@@ -203,7 +203,7 @@ def neighbours(row, own, alpha):
 
 def epsilon_neighbourhood(K, alpha):
     """The affinities times the average of the mask and its transpose."""
-    mask = [neighbours(list(K[i]), K[i, i], alpha) for i in range(len(K))]
+    mask = [neighbours(row, row[i], alpha) for i, row in enumerate(K.tolist())]
     sparse = np.zeros_like(K)
     for i in range(len(K)):
         for j in range(len(K)):

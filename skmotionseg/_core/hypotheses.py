@@ -88,15 +88,16 @@ def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state
             break
         fitted[degenerate] = draw(scene[degenerate])
     fitted = fitted.reshape(len(usable), n_hypotheses, 3, 3)
-    for s in np.flatnonzero(np.isnan(fitted[:, :, 0, 0]).any(axis=1)):
-        rows = slice(offsets[s], offsets[s] + sizes[s])
-        shifts = second[rows] - first[rows]
-        fitted[s] = _replace_degenerate(fitted[s], shifts, model, random_state)
-    hypotheses[usable] = model.change_coordinates(
+    fitted = model.change_coordinates(
         fitted,
         np.linalg.inv(np.stack(to_first))[:, None],
         np.linalg.inv(np.stack(to_second))[:, None],
     )
+    for s in np.flatnonzero(np.isnan(fitted[:, :, 0, 0]).any(axis=1)):
+        f, g = pairs[usable[s]]
+        shifts = (points[:, g] - points[:, f])[seen[usable[s]]]
+        fitted[s] = _replace_degenerate(fitted[s], shifts, model, random_state)
+    hypotheses[usable] = fitted
     return hypotheses
 
 

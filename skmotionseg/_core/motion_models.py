@@ -214,14 +214,17 @@ def affine_residuals(A, x, y):
     -------
     ndarray of shape (..., n, K)
     """
+    A = A.astype(float)  # A A^T + I is close to singular where A flattens the image
     linear = A[:, :2, :2]
-    minus_one = np.broadcast_to(-np.eye(2, dtype=A.dtype), linear.shape)
+    minus_one = np.broadcast_to(-np.eye(2), linear.shape)
     equations = np.concatenate([A[:, :2], minus_one], axis=2)
     # (K, 2, 5), acting on (x0, x1, 1, y0, y1)
-    a, b, c = _symmetric2(linear @ linear.transpose(0, 2, 1) - minus_one)
+    a, b, _ = _symmetric2(linear @ linear.transpose(0, 2, 1) - minus_one)
+    determinant = 1 + (linear**2).sum(axis=(1, 2)) + _det2(linear) ** 2
     first = equations[:, 0] / np.sqrt(a)[:, None]
     second = equations[:, 1] - (b / a)[:, None] * equations[:, 0]
-    second /= np.sqrt(c - b * b / a)[:, None]  # Cholesky whitening of A A^T + I
+    second /= np.sqrt(determinant / a)[:, None]  # Cholesky whitening of A A^T + I
+    first, second = first.astype(x.dtype), second.astype(x.dtype)
     features = np.concatenate([_homogeneous(x), y], axis=-1)  # (..., n, 5)
     squared = features @ first.T
     squared *= squared

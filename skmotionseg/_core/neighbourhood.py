@@ -11,6 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+# Affinities that differ by less than this share are equal: they are float32.
+TIE = 1e-6
+
 
 def neighbourhood_thresholds(affinity, alpha, own):
     """The affinity above which a row keeps an entry.
@@ -32,15 +35,19 @@ def neighbourhood_thresholds(affinity, alpha, own):
     """
     thresholds = np.zeros(len(affinity))
     rows = np.flatnonzero(own > 0)
-    relative = np.minimum(affinity[rows] / own[rows, None].astype(float), 1)
-    distance = 1 - relative**alpha
+    relative = affinity[rows] / own[rows, None].astype(float)
+    relative[relative > 1 - TIE] = 1  # the own affinity, but for rounding
+    similarity = relative**alpha
+    distance = 1 - similarity  # s_j in units of the row's largest
     total = distance.sum(axis=1)
     varied = total > 0
-    rows, distance, total = rows[varied], distance[varied], total[varied]
-    p = distance / total[:, None]
-    negative_entropy = (p * np.log(np.where(p > 0, p, 1))).sum(axis=1)
-    level = np.maximum(1 - total * np.exp(negative_entropy), 0)
-    thresholds[rows] = own[rows] * level ** (1 / alpha)
+    rows, similarity, distance = rows[varied], similarity[varied], distance[varied]
+    p = distance / total[varied, None]
+    # With log s_j for log p_j the sum over s drops out: stay where
+    # log s_j < sum_k p_k log s_k.
+    log_distance = np.log1p(-np.where(distance > 0, similarity, 0))
+    level = -np.expm1((p * log_distance).sum(axis=1))
+    thresholds[rows] = own[rows] * level ** (1 / alpha) * (1 + TIE)
     return thresholds
 
 

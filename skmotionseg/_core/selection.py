@@ -47,7 +47,7 @@ def normalized_cut(affinity, labels):
     Returns
     -------
     float
-        Between 0 and the number of groups less one.
+        Between 0 and the number of groups.
     """
     X = indicator(labels)
     inside = np.einsum("im,im->m", X, affinity @ X)

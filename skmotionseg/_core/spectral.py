@@ -71,7 +71,7 @@ class Fusion:
     ----------
     embeddings : ndarray of shape (n_views, n, n_clusters)
         Orthonormal columns.
-    objective : ndarray of shape (n_iter,)
+    objective : ndarray of shape (n_sweeps + 1,)
         The cost of the views by themselves, and after each sweep over them.
     """
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+# Points are in one spot when they lie closer than this share of their coordinates: the
+# mean of equal numbers is not always that number.
+ROUNDING = 1e-12
+
 
 def pack_tracks(points, visibility=None):
     """Put point tracks into the two-columns-a-frame matrix the estimators take.
@@ -18,7 +22,7 @@ def pack_tracks(points, visibility=None):
 
     Returns
     -------
-    X : ndarray of shape (n_tracks, 2 * n_frames), float64 (float32 stays float32)
+    X : ndarray of shape (n_tracks, 2 * n_frames), float64 or float32
         Columns ``x_0, y_0, x_1, y_1, ...``; both are NaN where the point was
         not seen.
 
@@ -134,7 +138,8 @@ def normalization(points):
     """
     centroid = points.mean(axis=0)
     distance = np.hypot(*(points - centroid).T).mean()
-    return similarity(np.sqrt(2) / distance if distance > 0 else 1.0, centroid)
+    coincide = distance <= ROUNDING * np.abs(points).max()
+    return similarity(1.0 if coincide else np.sqrt(2) / distance, centroid)
 
 
 def similarity(scale, centroid):
@@ -182,4 +187,5 @@ def working_coordinates(points, visibility):
     centres = filled.sum(axis=0) / np.maximum(seen, 1)
     distance = np.abs(points - centres)[visibility]
     scale = distance.mean() if len(distance) else 0.0
-    return centres, float(scale) if scale > 0 else 1.0
+    coincide = scale <= ROUNDING * np.abs(filled).max(initial=0)
+    return centres, 1.0 if coincide else float(scale)
