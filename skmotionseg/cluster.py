@@ -161,13 +161,26 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
 
-    def _fit_graph(self, graph):
-        """Cluster the tracks that meet another, and put them back in their rows."""
+    def cluster_graph(self, graph):
+        """Labels for a graph that is at hand, without fitting.
+
+        Parameters
+        ----------
+        graph : ViewGraph
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        labels = np.full(graph.n_samples, -1)
+        labels[graph.connected] = self._embed_and_cluster(graph)[1].labels_
+        return canonical_labels(labels)
+
+    def _embed_and_cluster(self, graph):
         if self.fusion not in FUSIONS:
             raise ValueError(
                 f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
             )
-        connected, n = graph.connected, graph.n_samples
         fused = FUSIONS[self.fusion](
             graph,
             self.n_clusters,
@@ -176,12 +189,18 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             max_iter=self.max_iter,
             tol=self.tol,
         )
-        self._kmeans = _fit_kmeans(
+        kmeans = _fit_kmeans(
             cluster_features(fused.embeddings),
             self.n_clusters,
             self.n_init,
             check_random_state(self.random_state),
         )
+        return fused, kmeans
+
+    def _fit_graph(self, graph):
+        """Cluster the tracks that meet another, and put them back in their rows."""
+        connected, n = graph.connected, graph.n_samples
+        fused, self._kmeans = self._embed_and_cluster(graph)
         labels = np.full(n, -1)
         labels[connected] = self._kmeans.labels_
         self.labels_ = canonical_labels(labels)

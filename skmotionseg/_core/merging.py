@@ -1,0 +1,104 @@
+"""From too many groups of tracks to fewer, by geometry and affinity."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .geometry import description_length
+from .selection import indicator
+
+
+class GroupLengths:
+    """Description lengths of groups of tracks, each computed once.
+
+    Parameters
+    ----------
+    geometry : ClipGeometry
+    """
+
+    def __init__(self, geometry):
+        self.geometry = geometry
+        self._known = {}
+
+    def __call__(self, members):
+        """Nats to describe a group, given as sorted positions."""
+        key = members.tobytes()
+        if key not in self._known:
+            self._known[key] = description_length(self.geometry, members)
+        return self._known[key]
+
+    def of_partition(self, labels):
+        """Nats an observation to describe all groups of a partition."""
+        total = sum(self(group) for group in groups_of(labels))
+        return total / self.geometry.n_observations
+
+
+def groups_of(labels):
+    """Positions of the members of each group, by label."""
+    return [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
+
+
+def merge_path(labels, affinity, lengths, n_last):
+    """Merge two groups at a time; yield the partition before each merge and at the end.
+
+    Of all pairs, the one is merged for which the nats that the common model costs, an
+    observation of the smaller group, less the log of how linked the two are, is least.
+    An observation of the smaller group, because a small motion that is swallowed by a
+    large one costs little in all. The link is the mean affinity between the groups,
+    relative to that within them.
+
+    Parameters
+    ----------
+    labels : ndarray of int, shape (n,)
+        ``0..M - 1``, none empty.
+    affinity : ndarray of shape (n, n)
+    lengths : GroupLengths
+    n_last : int
+        Groups at which to stop.
+
+    Yields
+    ------
+    ndarray of int, shape (n,)
+    """
+    groups = groups_of(labels)
+    X = indicator(labels)
+    sums = X.T @ affinity @ X  # affinity between groups
+    seen = lengths.geometry.seen
+    while True:
+        yield _labels_of(groups, len(labels))
+        if len(groups) <= n_last:
+            return
+        costs = {
+            (i, j): _merge_cost(groups[i], groups[j], lengths, seen)
+            - np.log(_link(sums, groups, i, j))
+            for i in range(len(groups))
+            for j in range(i)
+        }
+        i, j = min(costs, key=costs.get)
+        union = np.union1d(groups[i], groups[j])
+        keep = [k for k in range(len(groups)) if k not in (i, j)]
+        merge = np.zeros((len(keep) + 1, len(groups)))
+        merge[np.arange(len(keep)), keep] = 1
+        merge[-1, [i, j]] = 1
+        sums = merge @ sums @ merge.T
+        groups = [groups[k] for k in keep] + [union]
+
+
+def _merge_cost(first, second, lengths, seen):
+    rise = lengths(np.union1d(first, second)) - lengths(first) - lengths(second)
+    return rise / max(1, min(seen[:, first].sum(), seen[:, second].sum()))
+
+
+def _link(sums, groups, i, j):
+    sizes = len(groups[i]), len(groups[j])
+    between = sums[i, j] / (sizes[0] * sizes[1])
+    within = np.sqrt(sums[i, i] * sums[j, j]) / (sizes[0] * sizes[1])
+    # Groups that never meet are not impossible to merge, only the last choice.
+    return max(between / within if within > 0 else 0.0, 1e-3)
+
+
+def _labels_of(groups, n):
+    labels = np.empty(n, dtype=int)
+    for label, group in enumerate(groups):
+        labels[group] = label
+    return labels
