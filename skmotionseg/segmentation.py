@@ -28,6 +28,8 @@ from .sampling import HypothesisSampler
 ALL_MODELS = ("affine", "homography", "fundamental")
 # One exponent of the epsilon-neighbourhood for all data, where there is but one.
 NCRE_SPARSITY = 6.0
+# Restarts of k-means for each of many candidates; a single partition gets more.
+SEARCH_RESTARTS = 8
 
 
 class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
@@ -285,6 +287,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         clusterer = MultiModelSpectralClustering(
             fusion=self.fusion, lam=self.lam, gamma=self.gamma, random_state=seed
         )
+        if self.selection == "description_length":
+            clusterer.set_params(n_init=SEARCH_RESTARTS)
         n_connected = len(connected_tracks(views))
         fewest, most = self.min_motions, min(self.max_motions, n_connected)
         if self.n_motions != "auto":

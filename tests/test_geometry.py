@@ -1,0 +1,151 @@
+"""Description length of groups of tracks under one epipolar geometry a frame pair."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from skmotionseg._core.geometry import (
+    MAX_PAIRS,
+    NOISE_LEVELS,
+    clip_geometry,
+    description_length,
+    robust_residuals,
+)
+from skmotionseg._core.merging import GroupLengths, groups_of, merge_path
+from skmotionseg._core.tracks import unpack_tracks
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+
+def geometry_of(**scene):
+    X, y = make_rigid_motions(**scene)
+    return clip_geometry(*unpack_tracks(X)), y
+
+
+def test_frame_pairs_are_limited_and_spread_over_the_clip():
+    geometry, _ = geometry_of(n_tracks=30, n_frames=60, random_state=0)
+    assert len(geometry.x) == MAX_PAIRS
+    short, _ = geometry_of(n_tracks=30, n_frames=3, random_state=0)
+    assert len(short.x) == 2  # no pair four frames apart
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5])
+def test_residuals_of_one_motion_are_its_noise(noise):
+    X, _ = make_rigid_motions(
+        n_tracks=200, n_frames=6, n_motions=1, noise=noise, missing=0, random_state=0
+    )
+    points = unpack_tracks(X)[0].swapaxes(0, 1)
+    x, y = points[:1], points[1:2]
+    errors = robust_residuals(x, y, np.ones((1, 200), dtype=bool))
+    assert np.sqrt(np.mean(errors)) == pytest.approx(noise, rel=0.15)
+
+
+def test_a_fit_is_robust_to_tracks_of_another_motion():
+    geometry, y = geometry_of(
+        n_tracks=150, n_frames=6, n_motions=2, noise=0.1, missing=0, random_state=1
+    )
+    errors = robust_residuals(geometry.x, geometry.y, geometry.seen)
+    noise = 0.1 / 250  # pixels are about so many of a working unit
+    assert np.median(errors[:, y == 0]) < noise**2
+    assert np.median(errors[:, y == 1]) > 100 * noise**2
+
+
+def test_pairs_that_see_fewer_than_eight_are_not_fitted():
+    seen = np.ones((2, 20), dtype=bool)
+    seen[1, 7:] = False
+    points = np.random.default_rng(0).standard_normal((2, 2, 20, 2))
+    errors = robust_residuals(*points, seen)
+    assert np.isfinite(errors[0]).all()
+    assert np.isinf(errors[1]).all()
+
+
+def test_true_motions_are_shorter_than_wrong_ones():
+    geometry, y = geometry_of(random_state=0)
+    lengths = GroupLengths(geometry)
+    true = lengths.of_partition(y)
+    merged = lengths.of_partition(np.minimum(y, 1))
+    shuffled = lengths.of_partition(np.random.default_rng(0).permutation(y))
+    assert true < merged < shuffled
+
+
+def test_length_does_not_depend_on_order_and_hardly_on_image_scale():
+    X, y = make_rigid_motions(random_state=0)
+    points, visibility = unpack_tracks(X)
+    members = np.flatnonzero(y == 1)
+    geometry = clip_geometry(points, visibility)
+    length = description_length(geometry, members)
+    assert description_length(geometry, members[::-1]) == pytest.approx(length)
+    scaled = clip_geometry(7.5 * points + 1000, visibility)
+    assert description_length(scaled, members) == pytest.approx(length, rel=1e-6)
+
+
+def test_noisier_tracks_take_more_to_describe():
+    lengths = [
+        description_length(
+            geometry_of(n_motions=1, noise=noise, random_state=0)[0], np.arange(400)
+        )
+        for noise in (0.1, 0.3, 1.0)
+    ]
+    assert lengths == sorted(lengths)
+
+
+def test_a_group_too_small_to_fit_costs_its_place_in_the_plane():
+    geometry, _ = geometry_of(n_motions=1, missing=0, random_state=0)
+    few = description_length(geometry, np.arange(7))
+    # Two free coordinates an observation, whatever the noise level.
+    assert few == pytest.approx(2 * 7 * geometry.log_range.sum())
+
+
+@pytest.mark.parametrize("n_tracks", [1, 8, 30])
+def test_still_tracks_have_a_finite_length(n_tracks):
+    points = np.random.default_rng(0).uniform(0, 500, size=(n_tracks, 1, 2))
+    points = np.repeat(points, 4, axis=1)
+    geometry = clip_geometry(points, np.ones((n_tracks, 4), dtype=bool))
+    assert np.isfinite(description_length(geometry, np.arange(n_tracks)))
+
+
+def test_coincident_tracks_have_a_finite_length():
+    points = np.full((12, 3, 2), 5.0)
+    geometry = clip_geometry(points, np.ones((12, 3), dtype=bool))
+    assert np.isfinite(description_length(geometry, np.arange(12)))
+
+
+def test_merging_an_oversegmentation_finds_the_motions():
+    X, y = make_rigid_motions(random_state=2)
+    geometry = clip_geometry(*unpack_tracks(X))
+    rng = np.random.default_rng(0)
+    pieces = np.unique(2 * y + rng.integers(0, 2, len(y)), return_inverse=True)[1]
+    affinity = 0.2 + 0.8 * (y[:, None] == y)
+    path = list(merge_path(pieces, affinity, GroupLengths(geometry), n_last=3))
+    assert [labels.max() + 1 for labels in path] == [6, 5, 4, 3]
+    assert misclassification_error(y, path[-1]) == 0
+
+
+def test_every_step_of_a_merge_joins_two_groups():
+    geometry, _ = geometry_of(n_tracks=120, n_frames=6, random_state=0)
+    pieces = np.arange(120) % 5
+    path = list(merge_path(pieces, np.ones((120, 120)), GroupLengths(geometry), 1))
+    for before, after in pairwise(path):
+        joined = {(b, a) for b, a in zip(before, after, strict=True)}
+        assert len(joined) == before.max() + 1  # no group is torn apart
+        assert after.max() == before.max() - 1
+
+
+def test_lengths_are_computed_once(monkeypatch):
+    geometry, y = geometry_of(n_tracks=60, n_frames=4, random_state=0)
+    calls = []
+    monkeypatch.setattr(
+        "skmotionseg._core.merging.description_length",
+        lambda geometry, members: calls.append(len(members)) or 1.0,
+    )
+    lengths = GroupLengths(geometry)
+    lengths.of_partition(y)
+    lengths.of_partition(y)
+    assert len(calls) == len(groups_of(y))
+
+
+def test_noise_levels_ascend():
+    assert (np.diff(NOISE_LEVELS) > 0).all()
