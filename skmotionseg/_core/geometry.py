@@ -121,9 +121,9 @@ def description_length(geometry, members):
 def robust_residuals(x, y, seen):
     """Squared Sampson errors to a fundamental matrix fitted robustly to each pair.
 
-    Iteratively reweighted least squares with Cauchy weights, from equal ones: it stands
-    some tracks of another motion, not a third of them, and need not, as a group with so
-    many is a bad one.
+    Iteratively reweighted least squares with Cauchy weights, from equal ones. It stands
+    a few tracks in a hundred of another motion; a group with more of them is described
+    badly, as it should be.
 
     Parameters
     ----------
