@@ -265,14 +265,13 @@ def _run_bench(arguments):
     from ._bench import find_sequences, run, summarize
 
     console = require("rich.console", extra="cli").Console()
-    progress = require("rich.progress", extra="cli")
     sequences = find_sequences(arguments.data, arguments.datasets)
     batches = run(sequences, arguments.methods, arguments.seeds, arguments.jobs)
-    batches = progress.track(
+    batches = _with_progress(
         batches,
-        description=f"{len(sequences)} sequences, {arguments.seeds} seeds",
-        total=len(sequences) * arguments.seeds,
-        console=console,
+        len(sequences) * arguments.seeds,
+        f"{len(sequences)} sequences, {arguments.seeds} seeds",
+        console,
     )
     records = sorted(
         (record for batch in batches for record in batch),
@@ -285,6 +284,18 @@ def _run_bench(arguments):
     summary = summarize(records)
     for table in _bench_tables(summary, arguments.methods):
         console.print(table)
+
+
+def _with_progress(items, total, description, console):
+    """Pass items on under a progress bar, or, in a log file, a line every tenth."""
+    if console.is_terminal:
+        track = require("rich.progress", extra="cli").track
+        yield from track(items, description, total=total, console=console)
+        return
+    for done, item in enumerate(items, start=1):
+        if done * 10 // total > (done - 1) * 10 // total:
+            console.print(f"{description}: {done} of {total} done", highlight=False)
+        yield item
 
 
 def _bench_tables(summary, methods):
