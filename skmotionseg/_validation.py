@@ -6,6 +6,7 @@ import numpy as np
 from sklearn.utils.validation import check_non_negative, validate_data
 
 from ._core.motion_models import MOTION_MODELS
+from ._core.spectral import FUSIONS
 from ._core.tracks import unpack_tracks
 
 
@@ -65,6 +66,19 @@ def get_motion_model(name):
         raise ValueError(
             f"unknown motion model {name!r}; expected one of {sorted(MOTION_MODELS)}"
         ) from None
+
+
+def get_fusion(name):
+    """The fusion of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if name not in FUSIONS:
+        raise ValueError(f"unknown fusion {name!r}; expected one of {sorted(FUSIONS)}")
+    return FUSIONS[name]
 
 
 def read_affinities(estimator, X):

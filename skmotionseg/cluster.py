@@ -15,13 +15,12 @@ from sklearn.utils.validation import check_is_fitted, check_non_negative, valida
 
 from ._core.selection import canonical_labels
 from ._core.spectral import (
-    FUSIONS,
     ViewGraph,
     cluster_features,
     extend_embedding,
 )
 from ._threads import single_threaded
-from ._validation import check_n_groups, read_affinities, split_views
+from ._validation import check_n_groups, get_fusion, read_affinities, split_views
 
 
 class AffinityInput:
@@ -156,6 +155,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             If ``X`` is not made of such blocks, or fewer than ``n_clusters`` rows have
             an affinity to another.
         """
+        get_fusion(self.fusion)
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(views, self.n_clusters)
         check_n_groups("n_clusters", self.n_clusters, graph)
@@ -177,11 +177,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         return canonical_labels(labels)
 
     def _embed_and_cluster(self, graph):
-        if self.fusion not in FUSIONS:
-            raise ValueError(
-                f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
-            )
-        fused = FUSIONS[self.fusion](
+        fused = get_fusion(self.fusion)(
             graph,
             self.n_clusters,
             lam=self.lam,

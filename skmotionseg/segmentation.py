@@ -15,14 +15,14 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 
 from ._core.motion_models import MOTION_MODELS
 from ._core.selection import nearest_labels
-from ._core.spectral import FUSIONS, connected_tracks
+from ._core.spectral import connected_tracks
 from ._core.tracks import pack_tracks
+from ._partition_search import PartitionSearch, search_partitions
 from ._threads import single_threaded
-from ._validation import TracksInput, get_motion_model
+from ._validation import TracksInput, get_fusion, get_motion_model
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import NCREModelSelector
-from .partition_search import PartitionSearch, search_partitions
 from .sampling import HypothesisSampler
 
 ALL_MODELS = ("affine", "homography", "fundamental")
@@ -214,6 +214,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             than ``n_motions`` that share a preference with another.
         """
         models = _check_models(self.models)
+        get_fusion(self.fusion)
         points, visibility = self._read_tracks(X, reset=True)
         self._check_counts(len(points))
         started = time.perf_counter()
@@ -246,10 +247,6 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
 
     def _check_counts(self, n_tracks):
         """Refuse numbers of motions that cannot be, before any work."""
-        if self.fusion not in FUSIONS:
-            raise ValueError(
-                f"unknown fusion {self.fusion!r}; expected one of {sorted(FUSIONS)}"
-            )
         if self.min_motions > self.max_motions:
             raise ValueError(
                 "min_motions must not exceed max_motions; got "
