@@ -308,66 +308,53 @@ def _bench_tables(summary, methods):
 
 
 def _error_table(summary, dataset, methods):
+    """One dataset: a row a method, the paper's figures in brackets."""
     from ._bench import PAPER
 
     first = summary[dataset, methods[0]]
-    table = require("rich.table", extra="cli").Table(
-        title=f"{dataset}: {first['n_sequences']} sequences, {first['n_seeds']} seeds; "
-        "percent, ± over seeds (the paper's figure)",
-        title_justify="left",
+    table = _figure_table(
+        f"{dataset}: {first['n_sequences']} sequences, {first['n_seeds']} seeds; "
+        "percent, ± over seeds (the paper's figure)"
     )
-    table.add_column("method")
-    for name in (
-        "known: error",
-        "median",
-        "from 1: error",
-        "correct",
-        "from 2: error",
-        "correct",
-    ):
-        table.add_column(name, justify="right")
-    figures = (
-        "error_known",
-        "median_known",
-        "error_unknown",
-        "correct",
-        "error_unknown_from_2",
-        "correct_from_2",
-    )
+    figures = {
+        "error_known": "known: error",
+        "median_known": "median",
+        "error_unknown": "from 1: error",
+        "correct": "count right",
+        "error_unknown_from_2": "from 2: error",
+        "correct_from_2": "count right",
+    }
+    for title in figures.values():
+        table.add_column(title, justify="right")
     for method in methods:
         ours = summary[dataset, method]
         paper = PAPER[dataset].get(method, (None,) * len(figures))
-        table.add_row(
-            method,
-            *(
-                _figure(*ours[figure], theirs)
-                for figure, theirs in zip(figures, paper, strict=True)
-            ),
-        )
+        cells = zip(figures, paper, strict=True)
+        table.add_row(method, *(_figure(*ours[name], theirs) for name, theirs in cells))
     return table
 
 
 def _figure(mean, spread, theirs):
-    paper = "" if theirs is None else f" ({theirs:.2f})"
-    return f"{mean:.2f} ±{spread:.2f}{paper}"
+    paper = "" if theirs is None else f"\n({theirs:.2f})"
+    return f"{mean:.2f}\n±{spread:.2f}{paper}"
 
 
 def _time_table(summary, datasets, methods):
-    table = require("rich.table", extra="cli").Table(
-        title="mean seconds a sequence, number known: "
-        "hypotheses + kernel + clustering = total",
-        title_justify="left",
-    )
-    table.add_column("method")
-    for dataset in datasets:
-        table.add_column(dataset, justify="right")
+    table = _figure_table("mean seconds a sequence, number of motions known")
+    table.add_column("dataset")
+    for stage in ("hypotheses", "kernel", "clustering", "total"):
+        table.add_column(stage, justify="right")
     for method in methods:
-        cells = []
         for dataset in datasets:
-            *stages, total = summary[dataset, method]["seconds"].values()
-            parts = " + ".join(f"{seconds:.2f}" for seconds in stages)
-            cells.append(f"{parts} = {total:.2f}")
-        table.add_row(method, *cells)
+            seconds = summary[dataset, method]["seconds"].values()
+            table.add_row(method, dataset, *(f"{second:.2f}" for second in seconds))
+        table.add_section()
+    return table
+
+
+def _figure_table(title):
+    table = require("rich.table", extra="cli").Table(title=title, title_justify="left")
+    table.add_column("method", no_wrap=True)
     return table
 
 
