@@ -11,7 +11,7 @@ from joblib import Memory, Parallel, delayed
 
 from .datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from .metrics import misclassification_error
-from .segmentation import MotionSegmenter
+from .segmentation import ALL_MODELS, MotionSegmenter
 
 LOADERS = {
     "Hopkins155": load_hopkins155,
@@ -20,13 +20,13 @@ LOADERS = {
     "KT3DMoSeg": load_kt3dmoseg,
 }
 
+# The paper's methods choose the number of motions as the paper does.
 METHODS = {
-    "affine": {"models": ("affine",)},
-    "homography": {"models": ("homography",)},
-    "fundamental": {"models": ("fundamental",)},
-    "kernel_addition": {"fusion": "kernel_addition"},
-    "coreg": {"fusion": "coreg"},
-    "subset": {"fusion": "subset"},
+    **{model: {"models": (model,), "selection": "ncre"} for model in ALL_MODELS},
+    **{
+        fusion: {"fusion": fusion, "selection": "ncre"}
+        for fusion in ("kernel_addition", "coreg", "subset")
+    },
     "default": {},
 }
 

@@ -14,6 +14,9 @@ from . import __version__
 from ._extras import require
 
 
+PICTURES = (".png", ".pdf", ".svg", ".jpg")
+
+
 def main(argv=None):
     """Run the command.
 
@@ -85,6 +88,7 @@ def _add_demo(commands):
 def _demo(arguments):
     console = require("rich.console", extra="cli").Console()
     pyplot = _pyplot()
+    _check_output(arguments.out, PICTURES)
     from .datasets import make_rigid_motions
     from .metrics import misclassification_error
     from .segmentation import MotionSegmenter
@@ -178,8 +182,9 @@ def _segment(arguments):
     from .metrics import misclassification_error
     from .segmentation import MotionSegmenter
 
-    sequence = load_tracks(arguments.file)
     _check_output(arguments.out, (".npz", ".csv"))
+    _check_output(arguments.render, PICTURES)
+    sequence = load_tracks(arguments.file)
     console = require("rich.console", extra="cli").Console()
     with console.status("segmenting ..."):
         segmenter = MotionSegmenter(arguments.motions, random_state=arguments.seed).fit(
@@ -208,8 +213,13 @@ def _segment(arguments):
 
 
 def _check_output(path, endings):
-    if path is not None and path.suffix.lower() not in endings:
+    """Refuse a file that could not be written, before any work."""
+    if path is None:
+        return
+    if path.suffix.lower() not in endings:
         raise ValueError(f"output files end in {' or '.join(endings)}; got {path.name}")
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f"there is no folder to write {path} to")
 
 
 def _write_labels(path, X, labels):
@@ -265,6 +275,7 @@ def _run_bench(arguments):
     from ._bench import find_sequences, run, summarize
 
     console = require("rich.console", extra="cli").Console()
+    _check_output(arguments.json, (".json",))
     sequences = find_sequences(arguments.data, arguments.datasets)
     batches = run(sequences, arguments.methods, arguments.seeds, arguments.jobs)
     batches = _with_progress(

@@ -171,10 +171,9 @@ def _as_labels(labels, name):
             f"{name} must be a list of whole numbers; got shape {labels.shape} and "
             f"dtype {labels.dtype}"
         )
-    whole = labels.astype(np.int64)
-    if not np.array_equal(whole, labels):
+    if not np.array_equal(labels, np.round(labels)):  # NaN equals nothing
         raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
-    return whole
+    return labels.astype(np.int64)
 
 
 def _contingency(y_true, y_pred):

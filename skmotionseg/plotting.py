@@ -47,6 +47,8 @@ def plot_motions(X, labels, *, frames=None, ax=None, title=None):
     ------
     ImportError
         If matplotlib is missing.
+    ValueError
+        If there is not a label a track.
 
     Examples
     --------
@@ -60,6 +62,10 @@ def plot_motions(X, labels, *, frames=None, ax=None, title=None):
     plt = require("matplotlib.pyplot", extra="plot")
     points, visibility = unpack_tracks(X)
     labels = np.asarray(labels)
+    if labels.shape != (len(points),):
+        raise ValueError(
+            f"{len(points)} tracks need a label each; got shape {labels.shape}"
+        )
     first, second = frames if frames is not None else _shared_frames(visibility)
     shared = visibility[:, first] & visibility[:, second]
     ax = plt.subplots(figsize=(6.4, 4))[1] if ax is None else ax

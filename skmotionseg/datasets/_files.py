@@ -9,7 +9,7 @@ import numpy as np
 import scipy.io
 from sklearn.utils import Bunch
 
-from .._core.tracks import pack_tracks
+from .._core.tracks import pack_tracks, unpack_tracks
 
 
 def load_tracks(path):
@@ -63,13 +63,24 @@ def load_tracks(path):
         raise ValueError(f"track files end in .npz, .mat or .csv; got {path.name!r}")
     try:
         fields = readers[path.suffix.lower()](path)
-    except (ValueError, TypeError, KeyError) as error:
+        _check_fields(fields)
+    except Exception as error:  # whatever a reader meets in a broken file
         raise ValueError(f"{path} is not a track file: {error}") from error
     return Bunch(**{"target": None, "name": path.stem, **fields})
 
 
+def _check_fields(fields):
+    """Raise unless there are tracks and, if any, a label for each."""
+    fields["data"] = pack_tracks(unpack_tracks(fields["data"])[0])
+    labels = fields.get("target")
+    if labels is not None and labels.shape != (len(fields["data"]),):
+        raise ValueError(
+            f"{len(fields['data'])} tracks need as many labels; got {labels.shape}"
+        )
+
+
 def _read_npz(path):
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
         if "points" in arrays:
             data = pack_tracks(arrays["points"], arrays.get("visibility"))
         elif "X" in arrays:
@@ -108,6 +119,9 @@ def _read_struct(data):
         "target": _labels_from_one(data.GtLabel),
     }
     if "yAll" in names:
+        for name in ("visibleAll", "SparseIndex"):
+            if name not in names:
+                raise ValueError(f"struct 'Data' has 'yAll' but no {name!r}")
         fields["dense_data"] = _pack_homogeneous(data.yAll, data.visibleAll, "yAll")
         fields["dense_index"] = np.asarray(data.SparseIndex, dtype=int) - 1
     return fields
@@ -133,32 +147,43 @@ def _read_csv(path):
     if not rows:
         raise ValueError("it is empty")
     header = [name.strip().lower() for name in rows[0]]
-    if {"track", "frame", "x", "y"} <= set(header):
-        return _read_observations(header, rows[1:])
+    observations = {"track", "frame", "x", "y"} <= set(header)
     widths = {len(row) for row in rows}
     if len(widths) > 1:
         raise ValueError(f"rows differ in length: {sorted(widths)}")
-    data = np.array([[_number(cell) for cell in row] for row in rows])
-    return {"data": data}
+    if observations:
+        return _read_observations(header, rows[1:])
+    return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
 
 
 def _read_observations(header, rows):
     """Tracks from one row an observation."""
+    if not rows:
+        raise ValueError("there are no observations under its header")
     columns = {
         name: np.array([_number(row[i]) for row in rows])
         for i, name in enumerate(header)
         if name in ("track", "frame", "x", "y", "label")
     }
     tracks, row = np.unique(columns["track"], return_inverse=True)
-    frame = columns["frame"].astype(int)
+    frame = _whole(columns["frame"], "frame")
     frame -= frame.min()
+    if len(set(zip(row, frame, strict=True))) < len(row):
+        raise ValueError("a track is seen twice in the same frame")
     points = np.full((len(tracks), frame.max() + 1, 2), np.nan)
     points[row, frame, 0], points[row, frame, 1] = columns["x"], columns["y"]
     labels = None
     if "label" in columns:
         labels = np.empty(len(tracks), dtype=int)
-        labels[row] = columns["label"]
+        labels[row] = _whole(np.nan_to_num(columns["label"], nan=-1), "label")
     return {"data": pack_tracks(points), "target": labels}
+
+
+def _whole(numbers, name):
+    """Numbers as integers, if that is what they are."""
+    if not np.array_equal(numbers, np.round(numbers)):
+        raise ValueError(f"the column {name!r} must hold whole numbers")
+    return numbers.astype(int)
 
 
 def _number(cell):

@@ -75,7 +75,8 @@ def make_rigid_motions(
     [40, 20, 10]
     """
     shapes = (shapes,) if isinstance(shapes, str) else tuple(shapes)
-    _check_scene(n_tracks, n_frames, n_motions, shapes, camera, missing, outliers)
+    _check_scene(n_tracks, n_frames, n_motions, shapes, camera)
+    _check_shares(missing, noise, outliers)
     rng = check_random_state(random_state)
     n_outliers = round(outliers * n_tracks)
     sizes = _group_sizes(n_tracks - n_outliers, n_motions)
@@ -97,21 +98,11 @@ def make_rigid_motions(
     return tuple(shuffle(pack_tracks(points, visibility), y, random_state=rng))
 
 
-def _check_scene(n_tracks, n_frames, n_motions, shapes, camera, missing, outliers):
+def _check_scene(n_tracks, n_frames, n_motions, shapes, camera):
     if n_frames < 2 or n_motions < 1:
         raise ValueError(
             "a scene needs at least 2 frames and 1 motion; got "
             f"n_frames={n_frames} and n_motions={n_motions}"
-        )
-    if not 0 <= missing <= 0.9 or not 0 <= outliers < 1:
-        raise ValueError(
-            "missing must be in [0, 0.9] and outliers in [0, 1); got "
-            f"{missing} and {outliers}"
-        )
-    if n_tracks - round(outliers * n_tracks) < n_motions:
-        raise ValueError(
-            f"{n_motions} motions need a track each; got n_tracks={n_tracks} with "
-            f"outliers={outliers}"
         )
     unknown = set(shapes) - set(SHAPES)
     if unknown or not shapes or camera not in CAMERAS:
@@ -121,8 +112,22 @@ def _check_scene(n_tracks, n_frames, n_motions, shapes, camera, missing, outlier
         )
 
 
+def _check_shares(missing, noise, outliers):
+    if not 0 <= missing <= 0.9 or not 0 <= outliers < 1:
+        raise ValueError(
+            "missing must be in [0, 0.9] and outliers in [0, 1); got "
+            f"{missing} and {outliers}"
+        )
+    if not 0 <= noise < np.inf:
+        raise ValueError(f"noise must be 0 or more pixels; got {noise}")
+
+
 def _group_sizes(n_tracks, n_motions):
     """Each motion half the size of the one before, none empty."""
+    if n_tracks < n_motions:
+        raise ValueError(
+            f"{n_motions} motions need a track each; got n_tracks={n_tracks} beside outliers"
+        )
     shares = 0.5 ** np.arange(n_motions)
     sizes = np.floor(shares / shares.sum() * n_tracks).astype(int)
     sizes = np.maximum(sizes, 1)
@@ -195,12 +200,13 @@ def _wandering(size, n_frames, rng):
 def _lifetimes(n_tracks, n_frames, missing, rng):
     """Visibility (n_tracks, n_frames): one run of frames a track, of two at least."""
     longest = n_frames - 2
-    wanted = missing * n_frames * n_tracks
-    # Mean share lost is the mean of u ** power; 1 / (power + 1) for uniform u.
-    power = 1 / max(missing * n_frames / max(longest, 1), 1e-9) - 1
-    lost = longest * rng.uniform(size=n_tracks) ** max(power, 0)
-    lost = np.minimum(np.rint(lost * wanted / max(lost.sum(), 1e-9)), longest)
-    lost = lost.astype(int)
+    # The mean of u ** power is 1 / (power + 1): the share lost of what can be lost.
+    share = missing * n_frames / max(longest, 1)
+    power = max(1 / max(share, 1e-9) - 1, 0)
+    lost = longest * rng.uniform(size=n_tracks) ** power
+    lost *= missing * n_frames * n_tracks / max(lost.sum(), 1e-9)
+    lost = np.floor(lost + rng.uniform(size=n_tracks))  # right in the mean
+    lost = np.clip(lost, 0, longest).astype(int)
     first = np.where(rng.uniform(size=n_tracks) < 0.5, lost, 0)
     frames = np.arange(n_frames)
     start, end = first[:, None], (first + n_frames - lost)[:, None]
