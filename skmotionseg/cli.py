@@ -13,7 +13,6 @@ import numpy as np
 from . import __version__
 from ._extras import require
 
-
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 

@@ -126,7 +126,8 @@ def _group_sizes(n_tracks, n_motions):
     """Each motion half the size of the one before, none empty."""
     if n_tracks < n_motions:
         raise ValueError(
-            f"{n_motions} motions need a track each; got n_tracks={n_tracks} beside outliers"
+            f"{n_motions} motions need a track each; got n_tracks={n_tracks} beside "
+            "the outliers"
         )
     shares = 0.5 ** np.arange(n_motions)
     sizes = np.floor(shares / shares.sum() * n_tracks).astype(int)
