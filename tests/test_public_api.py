@@ -1,0 +1,273 @@
+"""What is public is listed and documented; what is imported is what is needed."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import pkgutil
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sklearn.base import BaseEstimator
+
+import skmotionseg
+from skmotionseg import _core, cli, datasets, metrics, plotting
+
+PACKAGE = Path(skmotionseg.__file__).parent
+CORE_FILES = sorted((PACKAGE / "_core").glob("*.py"))
+EXTRAS = ("matplotlib", "rich", "pandas", "cv2", "dask", "skimage")
+
+
+def functions_of(module):
+    """Public functions that are written in the module."""
+    return {
+        name
+        for name, value in inspect.getmembers(module, inspect.isfunction)
+        if not name.startswith("_") and value.__module__ == module.__name__
+    }
+
+
+def own_methods(cls):
+    """Public methods that the package writes, its mixins' included."""
+    return {
+        f"{cls.__name__}.{name}": method
+        for name, method in inspect.getmembers(cls, inspect.isfunction)
+        if not name.startswith("_") and method.__module__.startswith("skmotionseg")
+    }
+
+
+NAMES = {
+    f"{module.__name__}.{name}": getattr(module, name)
+    for module, names in (
+        (skmotionseg, skmotionseg.__all__),
+        (datasets, datasets.__all__),
+        (metrics, functions_of(metrics)),
+        (plotting, functions_of(plotting)),
+        (cli, {"main"}),
+    )
+    for name in sorted(names)
+}
+CLASSES = [value for value in NAMES.values() if inspect.isclass(value)]
+FUNCTIONS = [name for name, value in NAMES.items() if value not in CLASSES]
+METHODS = {name: m for cls in CLASSES for name, m in own_methods(cls).items()}
+
+every_name = pytest.mark.parametrize("name", NAMES)
+
+
+# ------------------------------------------------------------------------------ names
+
+
+@pytest.mark.parametrize("module", [skmotionseg, datasets], ids=lambda m: m.__name__)
+def test_all_is_exactly_what_is_public(module):
+    public = {
+        name
+        for name, value in vars(module).items()
+        if not name.startswith("_") and not inspect.ismodule(value)
+    }
+    assert set(module.__all__) == public
+    assert list(module.__all__) == sorted(module.__all__)
+
+
+def test_the_contract():
+    assert set(skmotionseg.__all__) == {
+        "HypothesisSampler",
+        "MotionSegmenter",
+        "MultiModelSpectralClustering",
+        "NCREModelSelector",
+        "ORKKernel",
+        "PerSequence",
+        "make_motion_pipeline",
+        "pack_tracks",
+        "unpack_tracks",
+    }
+    assert set(datasets.__all__) == {
+        "load_hopkins12",
+        "load_hopkins155",
+        "load_kt3dmoseg",
+        "load_mtpv62",
+        "load_tracks",
+        "make_rigid_motions",
+    }
+    assert functions_of(metrics) == {
+        "fbms_scores",
+        "misclassification_error",
+        "motion_count_accuracy",
+    }
+    assert functions_of(plotting) == {"plot_motions"}
+
+
+def test_the_version_is_a_version():
+    assert re.fullmatch(r"\d+\.\d+\.\d+(\.dev\d+)?", skmotionseg.__version__)
+
+
+# ------------------------------------------------------------------------- docstrings
+
+
+def sections(docstring):
+    """Docstring sections by title, in numpydoc's layout."""
+    parts = re.split(r"^(\w[\w ]*)\n-+$", inspect.cleandoc(docstring), flags=re.M)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def documented(text):
+    """Names on the unindented lines of a section: ``a, b : type`` gives a and b."""
+    lines = re.findall(r"^(\S[^:\n]*?)(?: ?:.*)?$", text, flags=re.M)
+    return {name.strip().lstrip("*") for line in lines for name in line.split(",")}
+
+
+def parameters(function):
+    signature = inspect.signature(function)
+    return {name for name in signature.parameters if name not in ("self", "cls")}
+
+
+@every_name
+def test_every_public_name_has_an_example(name):
+    assert ">>> " in sections(NAMES[name].__doc__)["Examples"]
+
+
+@every_name
+def test_every_public_docstring_starts_with_a_line(name):
+    first, *rest = inspect.cleandoc(NAMES[name].__doc__).split("\n")
+    assert first.endswith(".")
+    assert rest[0] == ""
+
+
+@every_name
+def test_every_public_docstring_names_its_parameters(name):
+    names = documented(sections(NAMES[name].__doc__)["Parameters"])
+    assert names == parameters(NAMES[name])
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_names_its_parameters(name):
+    names = documented(sections(METHODS[name].__doc__)["Parameters"])
+    assert names == parameters(METHODS[name])
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_function_says_what_it_returns(name):
+    assert "Returns" in sections(NAMES[name].__doc__)
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_every_estimator_validates_all_its_parameters(cls):
+    assert issubclass(cls, BaseEstimator)
+    assert set(cls._parameter_constraints) == parameters(cls.__init__)
+
+
+@pytest.mark.parametrize("cls", CLASSES)
+def test_every_estimator_documents_what_it_learns(cls):
+    """Every fitted attribute that the source sets; those of mixins, too."""
+    source = "".join(inspect.getsource(c) for c in cls.__mro__ if is_ours(c))
+    learned = set(re.findall(r"self\.([a-z]\w*_)\b(?!\()", source))
+    learned |= {"n_features_in_"} if cls.__name__ != "PerSequence" else set()
+    assert learned == documented(sections(cls.__doc__)["Attributes"])
+
+
+def is_ours(cls):
+    return cls.__module__.startswith("skmotionseg")
+
+
+# ---------------------------------------------------------------------------- imports
+
+
+def python(code):
+    command = [sys.executable, "-W", "error", "-c", code]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr
+    return result.stdout.strip()
+
+
+# Like an environment without them; ``sys.modules[name] = None`` upsets scikit-learn.
+WITHOUT_EXTRAS = f"""
+import sys
+
+class Absent:
+    def find_spec(name, path=None, target=None):
+        if name.partition(".")[0] in {EXTRAS}:
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent)
+"""
+
+NEWLY_IMPORTED = """
+import sys, sklearn.pipeline, sklearn.cluster
+before = set(sys.modules)
+import skmotionseg
+print(*{name.partition(".")[0] for name in set(sys.modules) - before})
+"""
+
+SEGMENT = """
+from skmotionseg import MotionSegmenter
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+X, y = make_rigid_motions(100, 8, 2, missing=0, random_state=0)
+labels = MotionSegmenter(2, random_state=0).fit_predict(X)
+print(misclassification_error(y, labels) < 0.05)
+"""
+
+PLOT = """
+from skmotionseg.plotting import plot_motions
+try:
+    plot_motions([[0, 0, 1, 1]], [0])
+except ImportError as error:
+    print(error)
+"""
+
+
+def test_import_brings_no_extra():
+    """None but those that scikit-learn itself imports where it finds them."""
+    brought = set(python(NEWLY_IMPORTED).split())
+    assert "skmotionseg" in brought
+    assert brought.isdisjoint(EXTRAS)
+
+
+def test_the_method_needs_no_extra():
+    assert python(WITHOUT_EXTRAS + SEGMENT) == "True"
+
+
+def test_plotting_without_matplotlib_names_the_extra():
+    message = python(WITHOUT_EXTRAS + PLOT)
+    assert "this needs matplotlib, which is not installed" in message
+    assert 'pip install "skmotionseg[plot]"' in message
+
+
+def imports(path):
+    """Modules that a file imports, anywhere in it: (level, dotted name)."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((0, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.level, node.module or ""
+
+
+@pytest.mark.parametrize("path", CORE_FILES, ids=lambda path: path.stem)
+def test_the_core_imports_numpy_scipy_and_itself(path):
+    allowed = {"numpy", "scipy", *sys.stdlib_module_names}
+    siblings = {file.stem for file in CORE_FILES}
+    for level, name in imports(path):
+        top = name.partition(".")[0]
+        assert level <= 1, f"{name}: above _core"
+        assert top in (siblings if level else allowed), name
+
+
+@pytest.mark.parametrize("file", ["metrics.py", "_extras.py"])
+def test_leaves_import_nothing_of_the_package(file):
+    assert not [name for level, name in imports(PACKAGE / file) if level]
+
+
+def test_data_sets_import_nothing_but_the_core():
+    for path in (PACKAGE / "datasets").glob("*.py"):
+        for level, name in imports(path):
+            assert level < 2 or name.startswith("_core"), path
+
+
+def test_the_core_is_found():
+    modules = {module.name for module in pkgutil.iter_modules(_core.__path__)}
+    assert {path.stem for path in CORE_FILES} == modules | {"__init__"}
+    for name in modules:
+        assert importlib.import_module(f"skmotionseg._core.{name}").__doc__
