@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from ._core.geometry import clip_geometry
-from ._core.merging import GroupLengths, merge_path
+from ._core.merging import GroupLengths, each_gains, merge_path
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
 from ._core.selection import canonical_labels, nearest_labels, normalized_cut
 from ._core.spectral import ViewGraph, connected_tracks
@@ -16,13 +16,19 @@ from ._core.spectral import ViewGraph, connected_tracks
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
 SPARSITIES = (4.0, 8.0)
+# What a normalised cut of 1 is worth, in nats an observation.
+CUT_WEIGHT = 0.5
+# Two motions of a partition must save so many times its cut, in nats an observation of
+# the smaller, against being one: a large group that is torn in two saves little a
+# track, a small thing that moves by itself saves much.
+GAIN_OF_CUT = 6.0
 # Groups that are merged again, unless more motions are looked for.
 OVERSEGMENTATION = 8
 
 
 @dataclass(frozen=True)
 class PartitionSearch:
-    """The best partition for each number of motions.
+    """The best partition for each number of motions, and the best of all.
 
     Attributes
     ----------
@@ -32,16 +38,14 @@ class PartitionSearch:
         observation) and total.
     labels : ndarray of int, shape (n_counts, n)
         -1 for tracks without affinity to another.
+    best : int
+        Position of the count that was chosen.
     """
 
     counts: np.ndarray
     costs: np.ndarray
     labels: np.ndarray
-
-    @property
-    def best(self):
-        """Position of the count of least total cost; of equals, the smallest."""
-        return int(self.costs[:, 2].argmin())
+    best: int
 
 
 def search_partitions(points, visibility, views, counts, sparsity, clusterer):
@@ -50,7 +54,8 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
     Candidates are spectral clusterings for several sparsities, with and without the
     simplest motion model, and what is left when an over-segmentation is merged step by
     step. A candidate costs the nats an observation that its motions take to describe,
-    each by a fundamental matrix a frame pair, plus its normalised cut.
+    each by a fundamental matrix a frame pair, plus half its normalised cut. The count
+    of least cost is chosen, of those in which all motions gain from being apart.
 
     Parameters
     ----------
@@ -81,16 +86,27 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
         count = labels.max() + 1
         cut = sum(normalized_cut(view, labels) for view in sparse[-1])
         length = lengths.of_partition(labels)
-        cost = (cut, length, cut + length)
+        cost = (cut, length, CUT_WEIGHT * cut + length)
         if count not in best or cost[2] < best[count][0][2]:
             best[count] = (cost, labels)
     # Identical tracks may give fewer groups than were asked for.
     found = np.array([count for count in counts if count in best] or [max(best)])
+    costs = np.array([best[count][0] for count in found])
+    partitions = [best[count][1] for count in found]
     everything = np.full((len(found), len(points)), -1)
-    everything[:, connected] = [canonical_labels(best[count][1]) for count in found]
+    everything[:, connected] = [canonical_labels(labels) for labels in partitions]
     return PartitionSearch(
-        found, np.array([best[count][0] for count in found]), everything
+        found, costs, everything, _choose(costs, partitions, lengths)
     )
+
+
+def _choose(costs, partitions, lengths):
+    """Position of the cheapest partition whose motions gain; else of the smallest."""
+    for position in np.argsort(costs[:, 2], kind="stable"):
+        least = GAIN_OF_CUT * costs[position, 0]
+        if each_gains(partitions[position], lengths, least):
+            return int(position)
+    return 0
 
 
 def _sparse_views(views, alpha):

@@ -211,11 +211,11 @@ def _segment(arguments):
         console.print(f"picture: {arguments.render}", highlight=False)
 
 
-def _check_output(path, endings):
+def _check_output(path, endings=None):
     """Refuse a file that could not be written, before any work."""
     if path is None:
         return
-    if path.suffix.lower() not in endings:
+    if endings is not None and path.suffix.lower() not in endings:
         raise ValueError(f"output files end in {' or '.join(endings)}; got {path.name}")
     if not path.absolute().parent.is_dir():
         raise FileNotFoundError(f"there is no folder to write {path} to")
@@ -274,7 +274,7 @@ def _run_bench(arguments):
     from ._bench import find_sequences, run, summarize
 
     console = require("rich.console", extra="cli").Console()
-    _check_output(arguments.json, (".json",))
+    _check_output(arguments.json)
     sequences = find_sequences(arguments.data, arguments.datasets)
     batches = run(sequences, arguments.methods, arguments.seeds, arguments.jobs)
     batches = _with_progress(

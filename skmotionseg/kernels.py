@@ -38,6 +38,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     ----------
     n_hypotheses : int, default=500
         Hypotheses a frame pair: residual columns come in consecutive groups of so many.
+        It must be that of the sampler; a divisor of it would split the pairs unnoticed.
     top : float, default=0.1
         Share of a pair's hypotheses a track keeps, in (0, 1]; at least one is kept.
     sparsity : float or None, default=6

@@ -38,8 +38,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     For each motion model, hypotheses are drawn in all frame pairs, tracks that prefer
     the same ones get a high affinity, and the affinities of all models are clustered
     together: several times, and for each number of motions that is possible. Of all
-    these partitions the one is taken that describes the motion of the tracks in the
-    fewest words and cuts the graph of affinities least.
+    these partitions one is taken that describes the motion of the tracks in few words
+    and cuts few affinities.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     selection : {"description_length", "ncre"}, default="description_length"
         How the partition is chosen. "description_length" tries several and takes the
         one that describes the tracks best by a fundamental matrix a motion and frame
-        pair and cuts the graph least; "ncre" is the paper's choice of the number of
+        pair and cuts the graph little; "ncre" is the paper's choice of the number of
         motions by normalised cut and reconstruction error.
     delta : float, default=0.2
         Weight of the reconstruction error, for ``selection="ncre"`` (see
@@ -92,7 +92,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
         For each, the normalised cut, the description length (nats an observation) or
-        the reconstruction error, and the total that was to be made least.
+        the reconstruction error, and the total. The cheapest count is taken, but by
+        description length only if each two motions gain from being apart.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
         For each, the best partition.
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
@@ -300,7 +301,10 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
                 clusterer, delta=self.delta, min_clusters=fewest, max_clusters=most
             ).fit(np.hstack(views))
             return PartitionSearch(
-                selector.counts_, selector.costs_, selector.candidate_labels_
+                selector.counts_,
+                selector.costs_,
+                selector.candidate_labels_,
+                int(selector.costs_[:, 2].argmin()),
             )
         return search_partitions(
             points,

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from skmotionseg import MotionSegmenter
+from skmotionseg._core.geometry import clip_geometry
+from skmotionseg._core.merging import GroupLengths, each_gains
 from skmotionseg._core.selection import nearest_labels
+from skmotionseg._core.tracks import unpack_tracks
+from skmotionseg._partition_search import CUT_WEIGHT, _choose
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -27,24 +31,42 @@ def test_rows_labelled_minus_one_have_no_vote():
 
 
 @pytest.mark.parametrize("selection", ["description_length", "ncre"])
-def test_the_chosen_count_costs_least(scene, selection):
-    X, _ = scene
+def test_the_labels_are_those_of_the_chosen_count(scene, selection):
     segmenter = MotionSegmenter(
         selection=selection, max_motions=4, n_hypotheses=200, random_state=0
-    ).fit(X)
-    best = segmenter.costs_[:, 2].argmin()
-    assert segmenter.n_motions_ == segmenter.counts_[best]
-    np.testing.assert_array_equal(segmenter.labels_, segmenter.candidate_labels_[best])
-    np.testing.assert_array_equal(
-        segmenter.candidate_labels_.max(axis=1) + 1, segmenter.counts_
-    )
+    ).fit(scene[0])
+    chosen = list(segmenter.counts_).index(segmenter.n_motions_)
+    candidates = segmenter.candidate_labels_
+    np.testing.assert_array_equal(segmenter.labels_, candidates[chosen])
+    np.testing.assert_array_equal(candidates.max(axis=1) + 1, segmenter.counts_)
 
 
-def test_total_is_cut_plus_length(scene):
+def test_ncre_chooses_the_cheapest_count(scene):
+    segmenter = MotionSegmenter(selection="ncre", n_hypotheses=200, random_state=0)
+    segmenter.fit(scene[0])
+    cheapest = segmenter.costs_[:, 2].argmin()
+    assert segmenter.n_motions_ == segmenter.counts_[cheapest]
+
+
+def test_total_is_length_plus_half_the_cut(scene):
     segmenter = MotionSegmenter(max_motions=3, n_hypotheses=100, random_state=0)
     costs = segmenter.fit(scene[0]).costs_
-    np.testing.assert_allclose(costs[:, 2], costs[:, 0] + costs[:, 1])
+    np.testing.assert_allclose(costs[:, 2], CUT_WEIGHT * costs[:, 0] + costs[:, 1])
     assert costs[0, 0] == pytest.approx(0, abs=1e-9)  # one motion cuts nothing
+
+
+def test_a_partition_is_chosen_only_if_its_motions_gain():
+    X, y = make_rigid_motions(random_state=0)
+    lengths = GroupLengths(clip_geometry(*unpack_tracks(X)))
+    halves = np.random.default_rng(0).integers(0, 2, len(y))
+    torn = np.where(y == 0, 3 * halves, y)  # the background torn in two
+    one = np.zeros_like(y)
+    assert each_gains(y, lengths, least=1.0)
+    assert not each_gains(torn, lengths, least=0.1)
+    assert each_gains(one, lengths, least=np.inf)  # there is no pair
+    costs = np.array([[0, 0, 3.0], [0.02, 0, 2.0], [0.02, 0, 1.0]])
+    assert _choose(costs, [one, y, torn], lengths) == 1
+    assert _choose(costs[2:], [torn], lengths) == 0  # the smallest, if none gains
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -38,6 +38,30 @@ def groups_of(labels):
     return [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
 
 
+def each_gains(labels, lengths, least):
+    """Whether each of two motions gains from not being the other.
+
+    Parameters
+    ----------
+    labels : ndarray of int, shape (n,)
+    lengths : GroupLengths
+    least : float
+        Nats an observation of the smaller motion that the two must save, against a
+        common model, for every pair of motions.
+
+    Returns
+    -------
+    bool
+    """
+    groups = groups_of(labels)
+    seen = lengths.geometry.seen
+    return all(
+        _merge_cost(groups[i], groups[j], lengths, seen) >= least
+        for i in range(len(groups))
+        for j in range(i)
+    )
+
+
 def merge_path(labels, affinity, lengths, n_last):
     """Merge two groups at a time; yield the partition before each merge and at the end.
 

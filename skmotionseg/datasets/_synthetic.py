@@ -46,7 +46,8 @@ def make_rigid_motions(
         "general" turns and drives mostly forward.
     missing : float, default=0.25
         Share of entries unseen, in [0, 0.9]. A track starts late or ends early but
-        has two frames at least. Image borders hide nothing.
+        has two frames at least, so no more than ``1 - 2 / n_frames`` is unseen. Image
+        borders hide nothing.
     noise : float, default=0.5
         Standard deviation of each coordinate, in pixels.
     outliers : float, default=0.0
