@@ -303,6 +303,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
                 )
         return labels
 
+    @single_threaded
     def predict(self, X):
         """Segment each sequence.
 
