@@ -85,10 +85,23 @@ def test_length_does_not_depend_on_order_and_hardly_on_image_scale():
     assert description_length(scaled, members) == pytest.approx(length, rel=1e-6)
 
 
+def test_a_model_costs_seven_free_tracks_where_there_is_one():
+    geometry, _ = geometry_of(
+        n_tracks=40, n_motions=1, n_frames=9, missing=0, random_state=0
+    )
+    assert description_length(geometry, np.arange(7))[1] == 0
+    models = description_length(geometry, np.arange(40))[1]
+    free = geometry.log_range[:, None] - np.log(NOISE_LEVELS * np.sqrt(2 * np.pi))
+    assert np.isclose(models, 7 * free.sum(axis=0)).any()
+
+
 def test_noisier_tracks_take_more_to_describe():
     lengths = [
-        description_length(
-            geometry_of(n_motions=1, noise=noise, random_state=0)[0], np.arange(400)
+        sum(
+            description_length(
+                geometry_of(n_motions=1, noise=noise, random_state=0)[0],
+                np.arange(400),
+            )
         )
         for noise in (0.1, 0.3, 1.0)
     ]
@@ -97,7 +110,7 @@ def test_noisier_tracks_take_more_to_describe():
 
 def test_a_group_too_small_to_fit_costs_its_place_in_the_plane():
     geometry, _ = geometry_of(n_motions=1, missing=0, random_state=0)
-    few = description_length(geometry, np.arange(7))
+    few, _ = description_length(geometry, np.arange(7))
     # Two free coordinates an observation, whatever the noise level.
     assert few == pytest.approx(2 * 7 * geometry.log_range.sum())
 
@@ -107,13 +120,13 @@ def test_still_tracks_have_a_finite_length(n_tracks):
     points = np.random.default_rng(0).uniform(0, 500, size=(n_tracks, 1, 2))
     points = np.repeat(points, 4, axis=1)
     geometry = clip_geometry(points, np.ones((n_tracks, 4), dtype=bool))
-    assert np.isfinite(description_length(geometry, np.arange(n_tracks)))
+    assert np.isfinite(description_length(geometry, np.arange(n_tracks))).all()
 
 
 def test_coincident_tracks_have_a_finite_length():
     points = np.full((12, 3, 2), 5.0)
     geometry = clip_geometry(points, np.ones((12, 3), dtype=bool))
-    assert np.isfinite(description_length(geometry, np.arange(12)))
+    assert np.isfinite(description_length(geometry, np.arange(12))).all()
 
 
 def test_merging_an_oversegmentation_finds_the_motions():
@@ -142,7 +155,7 @@ def test_lengths_are_computed_once(monkeypatch):
     calls = []
     monkeypatch.setattr(
         "skmotionseg._core.merging.description_length",
-        lambda geometry, members: calls.append(len(members)) or 1.0,
+        lambda geometry, members: calls.append(len(members)) or (1.0, 0.0),
     )
     lengths = GroupLengths(geometry)
     lengths.of_partition(y)

@@ -99,23 +99,24 @@ def description_length(geometry, members):
 
     Returns
     -------
-    float
-        At the noise level that makes it least. In a pair that sees fewer than eight of
-        them, each track costs its place in the plane.
+    tracks : float
+        Nats for the tracks, given the models, at the noise level that makes the whole
+        least. In a pair that sees fewer than eight of them there is no model, and each
+        costs its place in the plane.
+    models : float
+        Nats for the models: seven tracks that must be described without one.
     """
     seen = geometry.seen[:, members]
     residuals = robust_residuals(geometry.x[:, members], geometry.y[:, members], seen)
-    n_seen = seen.sum(axis=1)
-    minimal = MOTION_MODELS["fundamental"].minimal_size
-    model = np.where(n_seen >= minimal, 3.5 * np.log(np.maximum(n_seen, 1)), 0)
+    modelled = seen.sum(axis=1) >= MOTION_MODELS["fundamental"].minimal_size
     lengths = []
     for noise in NOISE_LEVELS:
         unit = np.log(noise * np.sqrt(2 * np.pi))
-        free = np.maximum(geometry.log_range - unit, 1)[:, None]
-        off_line = np.minimum(residuals / (2 * noise**2), free)
-        tracks = np.where(seen, off_line + free + 2 * unit, 0)
-        lengths.append(tracks.sum() + model.sum())
-    return float(min(lengths))
+        free = np.maximum(geometry.log_range - unit, 1)  # nats of a free coordinate
+        off_line = np.minimum(residuals / (2 * noise**2), free[:, None])
+        tracks = np.where(seen, off_line + free[:, None] + 2 * unit, 0).sum()
+        lengths.append((float(tracks), float(7 * free[modelled].sum())))
+    return min(lengths, key=sum)
 
 
 def robust_residuals(x, y, seen):

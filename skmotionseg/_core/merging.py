@@ -21,7 +21,7 @@ class GroupLengths:
         self._known = {}
 
     def __call__(self, members):
-        """Nats to describe a group, given as sorted positions."""
+        """Nats to describe a group, given as sorted positions: tracks and models."""
         key = members.tobytes()
         if key not in self._known:
             self._known[key] = description_length(self.geometry, members)
@@ -29,7 +29,7 @@ class GroupLengths:
 
     def of_partition(self, labels):
         """Nats an observation to describe all groups of a partition."""
-        total = sum(self(group) for group in groups_of(labels))
+        total = sum(sum(self(group)) for group in groups_of(labels))
         return total / self.geometry.n_observations
 
 
@@ -109,7 +109,9 @@ def merge_path(labels, affinity, lengths, n_last):
 
 
 def _merge_cost(first, second, lengths, seen):
-    rise = lengths(np.union1d(first, second)) - lengths(first) - lengths(second)
+    """Nats an observation of the smaller group that its tracks lose by a merge."""
+    together, _ = lengths(np.union1d(first, second))
+    rise = together - lengths(first)[0] - lengths(second)[0]
     return rise / max(1, min(seen[:, first].sum(), seen[:, second].sum()))
 
 
