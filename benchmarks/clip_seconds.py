@@ -22,10 +22,12 @@ from skmotionseg import MotionSegmenter
 from skmotionseg._core.motion_models import MOTION_MODELS
 from skmotionseg.datasets import load_kt3dmoseg
 
+PAPER = {"selection": "ncre"}  # one clustering for each count
 SETTINGS = {
-    "kernel_addition, count known": {"fusion": "kernel_addition", "known": True},
-    "coreg, count known": {"fusion": "coreg", "known": True},
-    "subset, count known": {"fusion": "subset", "known": True},
+    "kernel_addition, count known": {**PAPER, "known": True},
+    "coreg, count known": {**PAPER, "fusion": "coreg", "known": True},
+    "subset, count known": {**PAPER, "fusion": "subset", "known": True},
+    "coreg, count unknown": {**PAPER, "fusion": "coreg", "known": False},
     "default, count known": {"known": True},
     "default, count unknown": {"known": False},
 }
