@@ -92,7 +92,8 @@ def test_a_model_costs_seven_free_tracks_where_there_is_one():
     assert description_length(geometry, np.arange(7))[1] == 0
     models = description_length(geometry, np.arange(40))[1]
     free = geometry.log_range[:, None] - np.log(NOISE_LEVELS * np.sqrt(2 * np.pi))
-    assert np.isclose(models, 7 * free.sum(axis=0)).any()
+    independent = 8 / len(geometry.x)  # 8 motions from frame to frame, 13 pairs
+    assert np.isclose(models, 7 * independent * free.sum(axis=0)).any()
 
 
 def test_noisier_tracks_take_more_to_describe():

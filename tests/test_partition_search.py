@@ -48,7 +48,7 @@ def test_ncre_chooses_the_cheapest_count(scene):
     assert segmenter.n_motions_ == segmenter.counts_[cheapest]
 
 
-def test_total_is_length_plus_half_the_cut(scene):
+def test_total_is_length_plus_the_weighted_cut(scene):
     segmenter = MotionSegmenter(max_motions=3, n_hypotheses=100, random_state=0)
     costs = segmenter.fit(scene[0]).costs_
     np.testing.assert_allclose(costs[:, 2], CUT_WEIGHT * costs[:, 0] + costs[:, 1])

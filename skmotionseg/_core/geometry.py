@@ -41,12 +41,16 @@ class ClipGeometry:
     log_range : ndarray of shape (n_pairs,)
         Log of the range of displacements, an axis: what a free coordinate costs, but
         for the noise.
+    model_share : float
+        Motions from frame to frame over frame pairs, at most 1: the motion between
+        distant frames follows from those between, so it must not be paid for again.
     """
 
     x: np.ndarray
     y: np.ndarray
     seen: np.ndarray
     log_range: np.ndarray
+    model_share: float
 
     @property
     def n_observations(self):
@@ -77,7 +81,7 @@ def clip_geometry(points, visibility):
     log_range = np.array(
         [_log_range(b[s] - a[s]) for a, b, s in zip(x, y, seen, strict=True)]
     )
-    return ClipGeometry(x, y, seen, log_range)
+    return ClipGeometry(x, y, seen, log_range, min(1, (n_frames - 1) / len(pairs)))
 
 
 def _log_range(displacements):
@@ -104,7 +108,8 @@ def description_length(geometry, members):
         least. In a pair that sees fewer than eight of them there is no model, and each
         costs its place in the plane.
     models : float
-        Nats for the models: seven tracks that must be described without one.
+        Nats for the models: a free coordinate more of the seven tracks that determine
+        one, for the motions that do not follow from others.
     """
     seen = geometry.seen[:, members]
     residuals = robust_residuals(geometry.x[:, members], geometry.y[:, members], seen)
@@ -115,7 +120,8 @@ def description_length(geometry, members):
         free = np.maximum(geometry.log_range - unit, 1)  # nats of a free coordinate
         off_line = np.minimum(residuals / (2 * noise**2), free[:, None])
         tracks = np.where(seen, off_line + free[:, None] + 2 * unit, 0).sum()
-        lengths.append((float(tracks), float(7 * free[modelled].sum())))
+        models = 7 * geometry.model_share * free[modelled].sum()
+        lengths.append((float(tracks), float(models)))
     return min(lengths, key=sum)
 
 
