@@ -36,8 +36,8 @@ class PartitionSearch:
     ----------
     counts : ndarray of int, shape (n_counts,)
     costs : ndarray of shape (n_counts, 3)
-        Normalised cut (summed over the views), description length (nats an
-        observation) and total.
+        Normalised cut (summed over the views), the other cost (description length in
+        nats an observation, or reconstruction error) and total.
     labels : ndarray of int, shape (n_counts, n)
         -1 for tracks without affinity to another.
     best : int
@@ -103,8 +103,14 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
 
 
 def _choose(costs, partitions, lengths):
-    """Position of the cheapest partition whose motions gain; else of the smallest."""
-    for position in np.argsort(costs[:, 2], kind="stable"):
+    """Position of the cheapest partition whose motions gain; else the first.
+
+    Of equal costs, as of groups that are never seen together, the larger count.
+    """
+    if len(costs) == 1:
+        return 0
+    order = np.lexsort((-np.arange(len(costs)), np.round(costs[:, 2], 9)))
+    for position in order:
         least = GAIN_OF_CUT * costs[position, 0]
         if each_gains(partitions[position], lengths, least):
             return int(position)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from numbers import Integral, Real
 
@@ -46,11 +47,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     n_motions : int or "auto", default="auto"
         Number of motions, the static scene being one.
     models : sequence of str, default=("affine", "homography", "fundamental")
-        Motion models to combine.
+        Motion models to combine; their order does not matter.
     n_hypotheses : int, default=500
         Hypotheses a frame pair and model.
     frame_gap : int, default=1
-        Frames between the two of a pair.
+        Frames between the two of a pair, for the hypotheses. (Description lengths are
+        measured at gaps of one and four frames.)
     top : float, default=0.1
         Share of a pair's hypotheses a track keeps (see :class:`ORKKernel`).
     sparsity : float or "auto", default="auto"
@@ -99,8 +101,9 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
         The fitted estimators of each model.
     stage_seconds_ : dict
-        Seconds for "hypotheses", "kernel" and "clustering" (summed over the models,
-        whether or not they ran at the same time) and "total", as first computed.
+        Seconds for "hypotheses" and "kernel" (summed over the models, whether or not
+        they ran at the same time, and as first computed if they are from ``memory``),
+        "clustering", and "total" of this fit.
     n_features_in_ : int
         Two columns a frame.
 
@@ -111,7 +114,13 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     Notes
     -----
     Tracks that are never seen together, not even through others, cannot be told to
-    move alike: they end up in motions of their own.
+    move alike: unless ``n_motions`` forbids it, they end up in motions of their own.
+
+    Outliers are not rejected: a track that fits no motion goes to the one it is nearest
+    to.
+
+    In a grid search, give ``scoring``, such as
+    ``make_scorer(misclassification_error, greater_is_better=False)``.
 
     References
     ----------
@@ -136,7 +145,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             Interval(Integral, 1, None, closed="left"),
             StrOptions({"auto"}),
         ],
-        "models": ["array-like"],
+        "models": ["array-like", str],
         "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
         "frame_gap": [Interval(Integral, 1, None, closed="left")],
         "top": [Interval(Real, 0, 1, closed="right")],
@@ -149,7 +158,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
-        "memory": [str, Memory, None],
+        "memory": [str, os.PathLike, Memory, None],
         "n_jobs": [Integral, None],
         "random_state": ["random_state"],
     }
@@ -220,7 +229,10 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         self._check_counts(len(points))
         started = time.perf_counter()
         seeds = _model_seeds(check_random_state(self.random_state))
-        fit_branch = check_memory(self.memory).cache(_fit_branch)
+        memory = self.memory
+        if isinstance(memory, os.PathLike):
+            memory = os.fspath(memory)
+        fit_branch = check_memory(memory).cache(_fit_branch)
         branches = Parallel(n_jobs=self.n_jobs, prefer="threads")(
             delayed(fit_branch)(
                 *self._make_branch(model, seeds[model]), pack_tracks(points)
@@ -248,7 +260,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
 
     def _check_counts(self, n_tracks):
         """Refuse numbers of motions that cannot be, before any work."""
-        if self.min_motions > self.max_motions:
+        if self.n_motions == "auto" and self.min_motions > self.max_motions:
             raise ValueError(
                 "min_motions must not exceed max_motions; got "
                 f"{self.min_motions} and {self.max_motions}"
@@ -339,7 +351,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         return nearest_labels(sum(rows), self.labels_)
 
 
-def make_clusterer(
+def _make_clusterer(
     n_clusters, *, delta, min_clusters, max_clusters, random_state, **fusion
 ):
     """A clusterer for a known or unknown number of motions.
@@ -358,7 +370,9 @@ def make_clusterer(
     MultiModelSpectralClustering or NCREModelSelector
     """
     clusterer = MultiModelSpectralClustering(random_state=random_state, **fusion)
-    if isinstance(n_clusters, str):
+    if isinstance(n_clusters, str) and n_clusters != "auto":
+        raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
+    if n_clusters == "auto":
         return NCREModelSelector(
             clusterer,
             delta=delta,
@@ -447,7 +461,7 @@ def make_motion_pipeline(
             )
         ]
     ]
-    clusterer = make_clusterer(
+    clusterer = _make_clusterer(
         n_clusters,
         fusion=fusion,
         lam=lam,
@@ -471,17 +485,20 @@ def _branch_pipeline(sampler, kernel, memory):
 
 
 def _check_models(models):
+    """Names of the models, the simplest first, in whatever order they were given."""
     names = [models] if isinstance(models, str) else list(models)
     if not names:
         raise ValueError("models must name at least one motion model; got none")
     if len(set(names)) < len(names):
         raise ValueError(f"models must differ; got {names}")
-    return [get_motion_model(name).name for name in names]
+    models = sorted(map(get_motion_model, names), key=lambda m: m.minimal_size)
+    return [model.name for model in models]
 
 
 def _model_seeds(random_state):
     """One seed for each registered model and one for clustering, always all drawn."""
-    names = [*MOTION_MODELS, "clustering"]
+    # Models registered later come last, so that they change nobody else's seed.
+    names = list(dict.fromkeys([*ALL_MODELS, "clustering", *MOTION_MODELS]))
     seeds = random_state.randint(np.iinfo(np.int32).max, size=len(names))
     return dict(zip(names, map(int, seeds), strict=True))
 

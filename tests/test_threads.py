@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from threading import Barrier, Thread
+
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
@@ -28,4 +30,21 @@ def test_an_error_inside_restores_the_pools():
         before = pool_sizes()
         with pytest.raises(KeyError):
             fail()
+        assert pool_sizes() == before
+
+
+def test_overlapping_threads_leave_the_pools_as_they_were():
+    both = Barrier(2)
+
+    @single_threaded
+    def meet():
+        both.wait()
+
+    with threadpool_limits(2):
+        before = pool_sizes()
+        threads = [Thread(target=meet) for _ in range(2)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
         assert pool_sizes() == before

@@ -17,7 +17,8 @@ from .motion_models import MOTION_MODELS, rank_two
 from .tracks import frame_pairs, working_coordinates
 
 # Frame pairs that are looked at: neighbours, where tracks are many, and pairs some
-# frames apart, where motions differ more than noise.
+# frames apart, where motions differ more than noise. So many for the time that a track
+# usually lasts, and more in a longer clip.
 FRAME_GAPS = (1, 4)
 MAX_PAIRS = 24
 # Standard deviations of the noise to choose from, as shares of the mean distance of
@@ -71,8 +72,10 @@ def clip_geometry(points, visibility):
     """
     n_frames = visibility.shape[1]
     pairs = np.concatenate([frame_pairs(n_frames, gap) for gap in FRAME_GAPS])
-    if len(pairs) > MAX_PAIRS:
-        pairs = pairs[np.linspace(0, len(pairs) - 1, MAX_PAIRS).astype(int)]
+    lifetime = max(1.0, np.median(visibility.sum(axis=1)))
+    most = MAX_PAIRS * max(1, int(n_frames / lifetime))
+    if len(pairs) > most:
+        pairs = pairs[np.linspace(0, len(pairs) - 1, most).astype(int)]
     centres, scale = working_coordinates(points, visibility)
     points = np.where(visibility[..., None], (points - centres) / scale, 0)
     points = points.swapaxes(0, 1)  # (n_frames, n_tracks, 2)

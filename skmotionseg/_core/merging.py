@@ -41,6 +41,9 @@ def groups_of(labels):
 def each_gains(labels, lengths, least):
     """Whether each of two motions gains from not being the other.
 
+    Two that are never seen in the same frame pair have nothing to gain or lose by a
+    common model; nothing says that they are one, so they may stay apart.
+
     Parameters
     ----------
     labels : ndarray of int, shape (n,)
@@ -55,8 +58,10 @@ def each_gains(labels, lengths, least):
     """
     groups = groups_of(labels)
     seen = lengths.geometry.seen
+    pairs = [seen[:, group].any(axis=1) for group in groups]
     return all(
-        _merge_cost(groups[i], groups[j], lengths, seen) >= least
+        not (pairs[i] & pairs[j]).any()
+        or _merge_cost(groups[i], groups[j], lengths) >= least
         for i in range(len(groups))
         for j in range(i)
     )
@@ -87,14 +92,13 @@ def merge_path(labels, affinity, lengths, n_last):
     groups = groups_of(labels)
     X = indicator(labels)
     sums = X.T @ affinity @ X  # affinity between groups
-    seen = lengths.geometry.seen
     while True:
         yield _labels_of(groups, len(labels))
         if len(groups) <= n_last:
             return
         costs = {
-            (i, j): _merge_cost(groups[i], groups[j], lengths, seen)
-            - np.log(_link(sums, groups, i, j))
+            (i, j): _merge_cost(groups[i], groups[j], lengths)
+            - np.log(_link(sums, i, j))
             for i in range(len(groups))
             for j in range(i)
         }
@@ -108,19 +112,19 @@ def merge_path(labels, affinity, lengths, n_last):
         groups = [groups[k] for k in keep] + [union]
 
 
-def _merge_cost(first, second, lengths, seen):
+def _merge_cost(first, second, lengths):
     """Nats an observation of the smaller group that its tracks lose by a merge."""
     together, _ = lengths(np.union1d(first, second))
     rise = together - lengths(first)[0] - lengths(second)[0]
+    seen = lengths.geometry.seen
     return rise / max(1, min(seen[:, first].sum(), seen[:, second].sum()))
 
 
-def _link(sums, groups, i, j):
-    sizes = len(groups[i]), len(groups[j])
-    between = sums[i, j] / (sizes[0] * sizes[1])
-    within = np.sqrt(sums[i, i] * sums[j, j]) / (sizes[0] * sizes[1])
+def _link(sums, i, j):
+    """Mean affinity between two groups, relative to that within them."""
+    within = np.sqrt(sums[i, i] * sums[j, j])
     # Groups that never meet are not impossible to merge, only the last choice.
-    return max(between / within if within > 0 else 0.0, 1e-3)
+    return max(sums[i, j] / within if within > 0 else 0.0, 1e-3)
 
 
 def _labels_of(groups, n):
