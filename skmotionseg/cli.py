@@ -204,7 +204,8 @@ def _segment(arguments):
         facts.append(("misclassification", f"{error:.2%}"))
     console.print(_facts_table(arguments.file.name, [*facts, *_stage_facts(segmenter)]))
     if arguments.out is not None:
-        _write_labels(arguments.out, sequence.data, labels)
+        track_ids = sequence.get("track_ids", np.arange(len(labels)))
+        _write_labels(arguments.out, sequence.data, labels, track_ids)
         console.print(f"labels: {arguments.out}", highlight=False)
     if arguments.render is not None:
         _draw_motions(sequence.data, labels, arguments.render)
@@ -221,17 +222,15 @@ def _check_output(path, endings=None):
         raise FileNotFoundError(f"there is no folder to write {path} to")
 
 
-def _write_labels(path, X, labels):
+def _write_labels(path, X, labels, track_ids):
     """Write to a file beside the target, then put it in its place in one step."""
     part = path.with_name(path.name + ".part")
     with part.open("wb") as file:
         if path.suffix.lower() == ".npz":
-            np.savez_compressed(file, X=X, labels=labels)
+            np.savez_compressed(file, X=X, labels=labels, track_ids=track_ids)
         else:
-            table = np.column_stack([np.arange(len(labels)), labels])
-            np.savetxt(
-                file, table, fmt="%d", delimiter=",", header="track,label", comments=""
-            )
+            table = np.column_stack([track_ids, labels])
+            np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
     os.replace(part, path)
 
 

@@ -10,14 +10,30 @@ from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval
+from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.selection import normalized_cut, reconstruction_error
+from ._core.selection import (
+    canonical_labels,
+    normalized_cut,
+    reconstruction_error,
+)
 from ._core.spectral import ViewGraph
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
 from .metrics import misclassification_error
+
+
+def _clusterer_predicts(selector):
+    return selector.clusterer is None or hasattr(selector.clusterer, "predict")
+
+
+def _labels_of_connected(labels, connected):
+    """Labels in canonical order, -1 for rows without affinity to another."""
+    kept = np.full(len(labels), -1)
+    kept[connected] = labels[connected]
+    return canonical_labels(kept)
 
 
 class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
@@ -31,15 +47,16 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
     Parameters
     ----------
     clusterer : estimator, default=None
-        Clusters stacked affinities into ``n_clusters``. None is
-        :class:`MultiModelSpectralClustering` as it comes.
+        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``. None is
+        :class:`MultiModelSpectralClustering` as it comes. Another gets the views side
+        by side, so it must take that, or there must be but one view.
     delta : float, default=0.2
         Weight of the reconstruction error: larger values choose more clusters.
     min_clusters, max_clusters : int, default=1 and 10
         Counts to try; no more than there are rows with an affinity to another.
     random_state : int, RandomState instance or None, default=None
         If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
-        seed for each count; else the clusterer's own ``random_state`` holds.
+        seed for each count, if it has a ``random_state``; else its own holds.
 
     Attributes
     ----------
@@ -126,14 +143,16 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         check_n_groups("min_clusters", self.min_clusters, graph)
         self.counts_ = np.arange(self.min_clusters, graph.n_leading + 1)
         candidates = self._fit_candidates(views, graph)
-        self.candidate_labels_ = np.stack([c.labels_ for c in candidates])
+        self.candidate_labels_ = np.stack(
+            [_labels_of_connected(c.labels_, graph.connected) for c in candidates]
+        )
         self.costs_ = np.stack(
-            [partition_costs(views, c.labels_, self.delta) for c in candidates]
+            [partition_costs(views, y, self.delta) for y in self.candidate_labels_]
         )
         best = int(self.costs_[:, 2].argmin())
         self.clusterer_ = candidates[best]
-        self.n_clusters_ = int(self.counts_[best])
         self.labels_ = self.candidate_labels_[best]
+        self.n_clusters_ = int(self.labels_.max()) + 1
         return self
 
     def _fit_candidates(self, views, graph):
@@ -156,13 +175,17 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
             base = MultiModelSpectralClustering()
         else:
             base = clone(self.clusterer)
-        if self.clusterer is None or self.random_state is not None:
+        wanted = self.clusterer is None or self.random_state is not None
+        if wanted and "random_state" in base.get_params():
             seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
             base.set_params(random_state=seed)
         return base
 
+    @available_if(_clusterer_predicts)
     def predict(self, X):
         """Place rows, fitted or not, in the chosen clusters.
+
+        Available if the clusterer has it.
 
         Parameters
         ----------
@@ -174,7 +197,10 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         ndarray of int, shape (m,)
         """
         check_is_fitted(self)
-        return self.clusterer_.predict(X)
+        labels = self.clusterer_.predict(X)
+        # The clusterer's own numbers of the groups, as ours.
+        ours = dict(zip(self.clusterer_.labels_, self.labels_, strict=True))
+        return np.array([ours.get(label, -1) for label in labels], dtype=int)
 
 
 def partition_costs(views, labels, delta):
@@ -291,6 +317,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
 
     def _read_labels(self, y, sequences):
         """Check labels against sequences and list them as arrays."""
+        if y is None:
+            raise ValueError("true labels are needed: a label array a sequence")
         labels = [np.asarray(labels) for labels in y]
         if len(labels) != len(sequences):
             raise ValueError(

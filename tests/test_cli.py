@@ -403,3 +403,19 @@ def test_version(capsys):
         main(["--version"])
     assert stop.value.code == 0
     assert capsys.readouterr().out == f"{__version__}\n"
+
+
+def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
+    points, seen = unpack_tracks(scene[0])
+    rows = [
+        f"{2000003 - 7 * track},{frame},{x},{y}"
+        for track, (path, visible) in enumerate(zip(points, seen, strict=True))
+        for frame, ((x, y), here) in enumerate(zip(path, visible, strict=True))
+        if here
+    ]
+    file = tmp_path / "clip.csv"
+    file.write_text("\n".join(["track,frame,x,y", *rows]))
+    code, _, _ = run("segment", file, "--motions", 3, "--out", tmp_path / "out.csv")
+    assert code == 0
+    names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
+    assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))

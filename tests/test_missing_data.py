@@ -13,6 +13,8 @@ from skmotionseg import (
     ORKKernel,
     make_motion_pipeline,
 )
+from skmotionseg._core.geometry import clip_geometry
+from skmotionseg._core.tracks import unpack_tracks
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -280,3 +282,29 @@ def test_pixels_far_from_the_origin(two_motions):
     X, y = two_motions
     labels = MotionSegmenter(2, **SMALL).fit_predict(X + 1e5)
     assert misclassification_error(y, labels) < 0.05
+
+
+@pytest.mark.parametrize("n_tracks", [40, 100, 300])
+def test_halves_of_a_scene_that_are_never_seen_together_stay_apart(n_tracks):
+    X, _ = make_rigid_motions(
+        n_tracks=n_tracks, n_frames=10, n_motions=1, missing=0, random_state=0
+    )
+    half = n_tracks // 2
+    X[:half, 10:] = np.nan
+    X[half:, :10] = np.nan
+    labels = MotionSegmenter(n_hypotheses=100, random_state=0).fit_predict(X)
+    assert set(labels[:half]).isdisjoint(labels[half:])
+
+
+def test_a_motion_seen_briefly_in_a_long_clip_is_looked_at():
+    X, y = make_rigid_motions(
+        n_tracks=120, n_frames=120, n_motions=2, missing=0, random_state=3
+    )
+    frames = np.arange(120)
+    brief = np.repeat((frames < 56) | (frames > 64), 2)
+    X[np.ix_(y == 1, brief)] = np.nan
+    births = np.random.default_rng(0).integers(0, 105, (y == 0).sum())
+    for row, birth in zip(np.flatnonzero(y == 0), births, strict=True):
+        X[row, np.repeat((frames < birth) | (frames > birth + 15), 2)] = np.nan
+    geometry = clip_geometry(*unpack_tracks(X))
+    assert geometry.seen[:, y == 1].any(axis=0).all()

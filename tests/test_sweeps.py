@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pickle
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from joblib import Memory
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
+from sklearn.cluster import AgglomerativeClustering
 from sklearn.exceptions import NotFittedError
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV, KFold, ParameterGrid
@@ -23,6 +25,7 @@ from skmotionseg import (
     PerSequence,
     make_motion_pipeline,
 )
+from skmotionseg._core.motion_models import MOTION_MODELS, translation_map
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -447,3 +450,62 @@ def test_fitted_tracks_are_placed_where_they_were(scene, n_motions, selection):
         n_motions, max_motions=4, selection=selection, **SMALL
     ).fit(X)
     assert np.mean(segmenter.predict(X) == segmenter.labels_) > 0.97
+
+
+# ------------------------------------------------- clusterers and models of others
+
+
+def test_ncre_with_another_clusterer_keeps_the_contract_on_labels(scene):
+    affinity = make_motion_pipeline(["homography"], 3, **SMALL)[0].fit_transform(
+        scene[0]
+    )
+    affinity[:2], affinity[:, :2] = 0, 0  # two tracks that meet no other
+    clusterer = AgglomerativeClustering(metric="precomputed", linkage="average")
+    selector = NCREModelSelector(clusterer, min_clusters=2, max_clusters=5)
+    labels = selector.fit_predict(affinity)
+    assert set(labels[:2]) == {-1}
+    sizes = np.bincount(labels[2:])
+    assert (np.diff(sizes) <= 0).all()
+    assert selector.n_clusters_ == len(sizes)
+    assert not hasattr(selector, "predict")
+
+
+def test_the_order_of_models_does_not_matter(scene):
+    X, _ = scene
+    first = MotionSegmenter(3, models=ALL, fusion="subset", **SMALL).fit(X)
+    other = MotionSegmenter(3, models=ALL[::-1], fusion="subset", **SMALL).fit(X)
+    assert list(first.branches_) == list(other.branches_) == list(ALL)
+    assert_array_equal(first.costs_, other.costs_)
+
+
+def test_a_model_of_ones_own_is_a_record(scene, monkeypatch):
+    def fit(x, y):
+        return translation_map((y - x)[..., 0, :])
+
+    translation = replace(
+        MOTION_MODELS["affine"], name="translation", minimal_size=1, fit=fit
+    )
+    X, y = scene
+    before = MotionSegmenter(3, models=[H], **SMALL).fit_predict(X)
+    monkeypatch.setitem(MOTION_MODELS, "translation", translation)
+    segmenter = MotionSegmenter(3, models=["translation", H], **SMALL).fit(X)
+    assert list(segmenter.branches_) == ["translation", H]
+    assert misclassification_error(y, segmenter.labels_) < 0.1
+    # It changes nobody else's seeds.
+    assert_array_equal(MotionSegmenter(3, models=[H], **SMALL).fit_predict(X), before)
+
+
+def test_one_model_may_be_named_by_itself(scene):
+    alone = MotionSegmenter(3, models=H, **SMALL).fit_predict(scene[0])
+    listed = MotionSegmenter(3, models=[H], **SMALL).fit_predict(scene[0])
+    assert_array_equal(alone, listed)
+
+
+def test_limits_of_a_search_do_not_bind_a_known_count(scene):
+    segmenter = MotionSegmenter(3, min_motions=11, **SMALL)
+    assert segmenter.fit(scene[0]).n_motions_ == 3
+
+
+def test_memory_may_be_a_path(scene, tmp_path):
+    MotionSegmenter(2, memory=tmp_path / "cache", **SMALL).fit(scene[0])
+    assert (tmp_path / "cache").is_dir()

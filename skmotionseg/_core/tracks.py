@@ -56,7 +56,7 @@ def pack_tracks(points, visibility=None):
             f"got {int(np.isinf(points).any(axis=2).sum())} infinite points"
         )
     points[np.isnan(points).any(axis=2)] = np.nan
-    return points.reshape(len(points), -1)
+    return points.reshape(len(points), 2 * points.shape[1])
 
 
 def _as_visibility(visibility, shape):

@@ -35,7 +35,8 @@ def load_tracks(path):
         ``data`` (n_tracks, 2 * n_frames): pixels, NaN where unseen; ``target``
         (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
         without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
-        thinning, and ``dense_index``, where in them the labelled ones are.
+        thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
+        observations gives ``track_ids``, what it calls each row.
 
     Raises
     ------
@@ -70,7 +71,9 @@ def load_tracks(path):
 
 
 def _check_fields(fields):
-    """Raise unless there are tracks and, if any, a label for each."""
+    """Raise unless there are finite tracks and, if any, a label for each."""
+    if np.isinf(fields["data"]).any():
+        raise ValueError("tracks must be finite where they are seen; it has infinities")
     fields["data"] = pack_tracks(unpack_tracks(fields["data"])[0])
     labels = fields.get("target")
     if labels is not None and labels.shape != (len(fields["data"]),):
@@ -176,7 +179,8 @@ def _read_observations(header, rows):
     if "label" in columns:
         labels = np.empty(len(tracks), dtype=int)
         labels[row] = _whole(np.nan_to_num(columns["label"], nan=-1), "label")
-    return {"data": pack_tracks(points), "target": labels}
+    fields = {"data": pack_tracks(points), "target": labels, "track_ids": tracks}
+    return fields
 
 
 def _whole(numbers, name):
