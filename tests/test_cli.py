@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_array_equal
 from test_datasets import write_struct
 
-from skmotionseg import MotionSegmenter, __version__, _bench
+from skmotionseg import MotionSegmenter, __version__, _bench, unpack_tracks
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import misclassification_error
