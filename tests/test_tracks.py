@@ -11,7 +11,6 @@ from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg._core.tracks import (
     apply_similarity,
     frame_pairs,
-    invert_similarity,
     normalization,
     similarity,
     working_coordinates,
@@ -207,12 +206,6 @@ def test_a_similarity_moves_its_centre_to_zero(rng):
     mapped = apply_similarity(T, points)
     assert_allclose(mapped, 3 * (points - points[2]), atol=1e-12)
     assert_allclose(mapped, [textbook.transform(T, point) for point in points])
-
-
-def test_similarities_are_inverted_one_and_many(rng):
-    T = np.stack([similarity(s, c) for s, c in [(3, (1, 2)), (0.01, (-5, 7))]])
-    assert_allclose(invert_similarity(T), np.linalg.inv(T))
-    assert_allclose(invert_similarity(T[0]), np.linalg.inv(T[0]))
 
 
 # ------------------------------------------------------------------ working coordinates

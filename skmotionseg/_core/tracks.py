@@ -153,17 +153,6 @@ def apply_similarity(T, points):
     return points * T[0, 0] + T[:2, 2]
 
 
-def invert_similarity(T):
-    """Inverse of a similarity made by :func:`similarity`; batches (..., 3, 3)."""
-    inverse = np.zeros_like(T)
-    scale = T[..., 0, 0]
-    inverse[..., 0, 0] = inverse[..., 1, 1] = 1 / scale
-    inverse[..., 0, 2] = -T[..., 0, 2] / scale
-    inverse[..., 1, 2] = -T[..., 1, 2] / scale
-    inverse[..., 2, 2] = 1
-    return inverse
-
-
 def working_coordinates(points, visibility):
     """Centre of each frame and one scale for all, to compute residuals in.
 
