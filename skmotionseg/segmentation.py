@@ -272,19 +272,15 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             )
 
     def _make_branch(self, model, seed):
-        sampler = HypothesisSampler(
+        return _make_branch(
             model,
+            seed,
             n_hypotheses=self.n_hypotheses,
             frame_gap=self.frame_gap,
-            random_state=seed,
-        )
-        kernel = ORKKernel(
-            n_hypotheses=self.n_hypotheses,
             top=self.top,
             sparsity=self._kernel_sparsity,
             covisibility_prior=self.covisibility_prior,
         )
-        return sampler, kernel
 
     @property
     def _kernel_sparsity(self):
@@ -401,7 +397,7 @@ def make_motion_pipeline(
     n_jobs=None,
     random_state=None,
 ):
-    """The whole method as a plain scikit-learn pipeline.
+    """The paper's method as a plain scikit-learn pipeline.
 
     Parameters
     ----------
@@ -409,10 +405,14 @@ def make_motion_pipeline(
         One branch each, named after the model.
     n_clusters : int or "auto"
         Number of motions; "auto" puts an :class:`NCREModelSelector` at the end.
-    n_hypotheses, frame_gap, top, sparsity, covisibility_prior
-        As for :class:`MotionSegmenter`.
-    fusion, lam, gamma, delta
-        As for :class:`MotionSegmenter`.
+    n_hypotheses, frame_gap
+        As for :class:`HypothesisSampler`.
+    top, sparsity, covisibility_prior
+        As for :class:`ORKKernel`.
+    fusion, lam, gamma
+        As for :class:`MultiModelSpectralClustering`.
+    delta
+        As for :class:`NCREModelSelector`.
     min_clusters, max_clusters : int
         Counts to choose from when ``n_clusters="auto"``.
     memory : str, joblib.Memory or None
@@ -441,25 +441,16 @@ def make_motion_pipeline(
     (70,)
     """
     seeds = _model_seeds(check_random_state(random_state))
+    branch_parameters = {
+        "n_hypotheses": n_hypotheses,
+        "frame_gap": frame_gap,
+        "top": top,
+        "sparsity": sparsity,
+        "covisibility_prior": covisibility_prior,
+    }
     branches = [
-        (model, _branch_pipeline(sampler, kernel, memory))
+        (model, _branch_pipeline(model, seeds[model], memory, **branch_parameters))
         for model in _check_models(models)
-        for sampler, kernel in [
-            (
-                HypothesisSampler(
-                    model,
-                    n_hypotheses=n_hypotheses,
-                    frame_gap=frame_gap,
-                    random_state=seeds[model],
-                ),
-                ORKKernel(
-                    n_hypotheses=n_hypotheses,
-                    top=top,
-                    sparsity=sparsity,
-                    covisibility_prior=covisibility_prior,
-                ),
-            )
-        ]
     ]
     clusterer = _make_clusterer(
         n_clusters,
@@ -476,12 +467,29 @@ def make_motion_pipeline(
     )
 
 
-def _branch_pipeline(sampler, kernel, memory):
+def _branch_pipeline(model, seed, memory, **parameters):
+    sampler, kernel = _make_branch(model, seed, **parameters)
     # Pipeline never caches its last step, so the kernel must not be the last.
     return Pipeline(
         [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
         memory=memory,
     )
+
+
+def _make_branch(
+    model, seed, *, n_hypotheses, frame_gap, top, sparsity, covisibility_prior
+):
+    """A sampler and a kernel that agree on the number of hypotheses."""
+    sampler = HypothesisSampler(
+        model, n_hypotheses=n_hypotheses, frame_gap=frame_gap, random_state=seed
+    )
+    kernel = ORKKernel(
+        n_hypotheses=n_hypotheses,
+        top=top,
+        sparsity=sparsity,
+        covisibility_prior=covisibility_prior,
+    )
+    return sampler, kernel
 
 
 def _check_models(models):
