@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -223,14 +224,20 @@ def _check_output(path, endings=None):
 
 
 def _write_labels(path, X, labels, track_ids):
-    """Write to a file beside the target, then put it in its place in one step."""
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
+    with _replacing(path) as file:
         if path.suffix.lower() == ".npz":
             np.savez_compressed(file, X=X, labels=labels, track_ids=track_ids)
         else:
             table = np.column_stack([track_ids, labels])
             np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
+
+
+@contextmanager
+def _replacing(path):
+    """A binary file beside the target, put in its place once it is whole."""
+    part = path.with_name(path.name + ".part")
+    with part.open("wb") as file:
+        yield file
     os.replace(part, path)
 
 
@@ -287,9 +294,8 @@ def _run_bench(arguments):
         key=lambda r: (r["dataset"], r["method"], r["sequence"], r["seed"]),
     )
     if arguments.json is not None:
-        part = arguments.json.with_name(arguments.json.name + ".part")
-        part.write_text(json.dumps(records, indent=1))
-        os.replace(part, arguments.json)
+        with _replacing(arguments.json) as file:
+            file.write(json.dumps(records, indent=1).encode())
     summary = summarize(records)
     for table in _bench_tables(summary, arguments.methods):
         console.print(table)

@@ -172,9 +172,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         -------
         ndarray of int, shape (n,)
         """
-        labels = np.full(graph.n_samples, -1)
-        labels[graph.connected] = self._embed_and_cluster(graph)[1].labels_
-        return canonical_labels(labels)
+        return _labels_of_all(graph, self._embed_and_cluster(graph)[1].labels_)
 
     def _embed_and_cluster(self, graph):
         fused = get_fusion(self.fusion)(
@@ -197,9 +195,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         """Cluster the tracks that meet another, and put them back in their rows."""
         connected, n = graph.connected, graph.n_samples
         fused, self._kmeans = self._embed_and_cluster(graph)
-        labels = np.full(n, -1)
-        labels[connected] = self._kmeans.labels_
-        self.labels_ = canonical_labels(labels)
+        self.labels_ = _labels_of_all(graph, self._kmeans.labels_)
         self._label_of_centre = np.zeros(self.n_clusters, dtype=int)
         self._label_of_centre[self._kmeans.labels_] = self.labels_[connected]
         self.n_views_ = len(graph.degrees)
@@ -247,6 +243,13 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         labels = self._label_of_centre[self._kmeans.predict(features)]
         labels[~(rows > 0).any(axis=(0, 2))] = -1
         return labels
+
+
+def _labels_of_all(graph, labels):
+    """Labels of the connected tracks, in canonical order, and -1 for the others."""
+    everything = np.full(graph.n_samples, -1)
+    everything[graph.connected] = labels
+    return canonical_labels(everything)
 
 
 def _fit_kmeans(features, n_clusters, n_init, random_state):

@@ -13,7 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .motion_models import MOTION_MODELS, rank_two
+from .motion_models import (
+    MOTION_MODELS,
+    epipolar_equations,
+    homogeneous,
+    rank_two,
+)
 from .tracks import frame_pairs, working_coordinates
 
 # Frame pairs that are looked at: neighbours, where tracks are many, and pairs some
@@ -153,7 +158,7 @@ def robust_residuals(x, y, seen):
         return residuals
     seen = seen[pairs].astype(float)
     x, y, spread = _normalize_pairs(x[pairs], y[pairs], seen)
-    rows = (y[..., :, None] * x[..., None, :]).reshape(*seen.shape, 9)
+    rows = epipolar_equations(x, y)  # (P, n, 9)
     weights = seen
     for _ in range(ROBUST_SWEEPS):
         moments = (rows * weights[..., None]).swapaxes(1, 2) @ rows  # (P, 9, 9)
@@ -177,7 +182,5 @@ def _normalize_pairs(x, y, seen):
     y = (y - (y * mask).sum(axis=1, keepdims=True) / n_seen) * mask
     spread = np.sqrt((x**2 + y**2).sum(axis=(1, 2)) / (4 * n_seen[:, 0, 0]))[:, None]
     spread = np.maximum(spread, 1e-6)
-    one = np.ones_like(mask)
-    x = np.concatenate([x / spread[..., None], one], axis=-1)
-    y = np.concatenate([y / spread[..., None], one], axis=-1)
-    return x, y, spread
+    scale = spread[..., None]
+    return homogeneous(x / scale), homogeneous(y / scale), spread

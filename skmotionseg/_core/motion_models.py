@@ -146,12 +146,22 @@ def fit_fundamental(x, y):
         points of a frame are collinear.
     """
     good = _distinct(x, y) & ~_collinear(x) & ~_collinear(y)
-    x, y = _homogeneous(x), _homogeneous(y)
-    rows = (y[..., :, None] * x[..., None, :]).reshape(*x.shape[:-1], 9)
+    rows = epipolar_equations(homogeneous(x), homogeneous(y))
     F = null_vectors(rows.reshape(-1, 8, 9)).reshape(*x.shape[:-2], 3, 3)
     F = rank_two(F)
     F[~good] = np.nan
     return F
+
+
+def epipolar_equations(x, y):
+    """Rows (..., 9) whose product with the entries of F is ``y^T F x``.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (..., 3)
+        Homogeneous points.
+    """
+    return (y[..., :, None] * x[..., None, :]).reshape(*x.shape[:-1], 9)
 
 
 def null_vectors(A):
@@ -225,7 +235,7 @@ def affine_residuals(A, x, y):
     second = equations[:, 1] - (b / a)[:, None] * equations[:, 0]
     second /= np.sqrt(determinant / a)[:, None]  # Cholesky whitening of A A^T + I
     first, second = first.astype(x.dtype), second.astype(x.dtype)
-    features = np.concatenate([_homogeneous(x), y], axis=-1)  # (..., n, 5)
+    features = np.concatenate([homogeneous(x), y], axis=-1)  # (..., n, 5)
     squared = features @ first.T
     squared *= squared
     rest = features @ second.T
@@ -292,13 +302,14 @@ def fundamental_residuals(F, x, y):
     return _ratio(l2, denominator)
 
 
-def _homogeneous(x):
+def homogeneous(x):
+    """Points (..., 2) with a third coordinate of 1."""
     return np.concatenate([x, np.ones_like(x[..., :1])], axis=-1)
 
 
 def _map_points(M, x):
     """The three homogeneous coordinates of ``M x``, each (..., n, K)."""
-    x = _homogeneous(x)
+    x = homogeneous(x)
     return [x @ M[:, i].T for i in range(3)]
 
 
