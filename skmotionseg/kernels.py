@@ -16,10 +16,12 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
 from ._core.ranked_kernel import (
+    Preferences,
+    blocks_of_matrix,
     co_occurrence,
+    common_pairs,
     covisible_affinity,
     own_affinity,
-    preferred_hypotheses,
 )
 from ._threads import single_threaded
 
@@ -126,7 +128,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         ValueError
             If the columns do not split into groups of ``n_hypotheses``.
         """
-        self._fit(X)
+        self._fit_affinity(self._read_preferences(X, reset=True))
         return self
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -144,15 +146,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         ndarray of shape (n_fit, n_fit), float32
             Symmetric, in [0, 1].
         """
-        affinity = self._fit(X)
-        return sparsify(affinity, self.thresholds_, self.thresholds_)
-
-    def _fit(self, X):
-        preferred, seen = self._prefer(X, reset=True)
-        self._preferred, self._seen = preferred, seen
-        affinity = self._affinity(preferred, seen)
-        self.thresholds_ = self._thresholds(affinity, seen)
-        return affinity
+        return self._fit_affinity(self._read_preferences(X, reset=True))
 
     @single_threaded
     def transform(self, X):
@@ -169,19 +163,40 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             In [0, 1]. The fitted rows give what :meth:`fit_transform` gave.
         """
         check_is_fitted(self)
-        preferred, seen = self._prefer(X, reset=False)
-        affinity = self._affinity(preferred, seen)
-        return sparsify(affinity, self._thresholds(affinity, seen), self.thresholds_)
+        return self._affinity_to_fitted(self._read_preferences(X, reset=False))
+
+    @single_threaded
+    def _fit_blocks(self, n_tracks, blocks):
+        """What ``fit_transform`` does, from a frame pair's residuals at a time."""
+        preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
+        self.n_features_in_ = len(preferences.rows) * self.n_hypotheses
+        return self._fit_affinity(preferences)
+
+    @single_threaded
+    def _transform_blocks(self, n_tracks, blocks):
+        """What ``transform`` does, from a frame pair's residuals at a time."""
+        preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
+        return self._affinity_to_fitted(preferences)
+
+    def _fit_affinity(self, preferences):
+        self._preferences = preferences
+        affinity = self._affinity(preferences)
+        self.thresholds_ = self._thresholds(affinity, preferences)
+        return self._sparsify(affinity, self.thresholds_)
+
+    def _affinity_to_fitted(self, preferences):
+        affinity = self._affinity(preferences)
+        return self._sparsify(affinity, self._thresholds(affinity, preferences))
 
     @property
     def _n_features_out(self):
-        return len(self._seen)
+        return self._preferences.n_tracks
 
     @property
     def _n_top(self):
         return max(1, round(self.top * self.n_hypotheses))
 
-    def _prefer(self, X, *, reset):
+    def _read_preferences(self, X, *, reset):
         X = validate_data(
             self,
             X,
@@ -194,21 +209,28 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
                 "residual columns come in groups of n_hypotheses="
                 f"{self.n_hypotheses}, one a frame pair; got {X.shape[1]} columns"
             )
-        return preferred_hypotheses(X, self.n_hypotheses, self._n_top)
+        blocks = blocks_of_matrix(X, self.n_hypotheses)
+        return Preferences.from_blocks(len(X), blocks, self._n_top)
 
-    def _affinity(self, preferred, seen):
+    def _affinity(self, preferences):
         return covisible_affinity(
-            co_occurrence(preferred, self._preferred),
-            seen.astype(np.float32) @ self._seen.T.astype(np.float32),
+            co_occurrence(preferences, self._preferences),
+            common_pairs(preferences, self._preferences),
             self._n_top,
             self.covisibility_prior,
         )
 
-    def _thresholds(self, affinity, seen):
+    def _thresholds(self, affinity, preferences):
         if self.sparsity is None:
             return np.zeros(len(affinity))
-        own = own_affinity(seen.sum(axis=1), self.covisibility_prior)
+        n_seen = preferences.seen.sum(axis=1)
+        own = own_affinity(n_seen, self.covisibility_prior)
         return neighbourhood_thresholds(affinity, self.sparsity, own)
+
+    def _sparsify(self, affinity, thresholds):
+        if self.sparsity is None:
+            return affinity
+        return sparsify(affinity, thresholds, self.thresholds_)
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

@@ -14,7 +14,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.hypotheses import draw_hypotheses, residual_matrix
+from ._core.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
 from ._core.tracks import frame_pairs, working_coordinates
 from ._threads import single_threaded
 from ._validation import TracksInput, get_motion_model
@@ -180,15 +180,16 @@ class HypothesisSampler(
         return self._residuals(*self._read_tracks(X, reset=False))
 
     def _residuals(self, points, visibility):
-        return residual_matrix(
-            points,
-            visibility,
-            self.frame_pairs_,
-            self.hypotheses_,
-            get_motion_model(self.model),
-            self._centres,
-            self._scale,
-        )
+        return residual_matrix(points, visibility, *self._residual_arguments)
+
+    def _blocks(self, points, visibility):
+        """What ``transform`` gives, a frame pair at a time."""
+        return residual_blocks(points, visibility, *self._residual_arguments)
+
+    @property
+    def _residual_arguments(self):
+        model = get_motion_model(self.model)
+        return self.frame_pairs_, self.hypotheses_, model, self._centres, self._scale
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

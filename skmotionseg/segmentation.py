@@ -17,7 +17,7 @@ from sklearn.utils.validation import check_is_fitted, check_memory
 from ._core.motion_models import MOTION_MODELS
 from ._core.selection import nearest_labels
 from ._core.spectral import connected_tracks
-from ._core.tracks import pack_tracks
+from ._core.tracks import pack_tracks, unpack_tracks
 from ._partition_search import PartitionSearch, search_partitions
 from ._threads import single_threaded
 from ._validation import TracksInput, get_fusion, get_motion_model
@@ -512,14 +512,20 @@ def _model_seeds(random_state):
 
 
 def _fit_branch(sampler, kernel, tracks):
-    """Fit one model's sampler and kernel; give them, the affinity and the seconds."""
+    """Fit one model's sampler and kernel; give them, the affinity and the seconds.
+
+    The residuals go from one to the other a frame pair at a time: all of them would be
+    the largest array by far.
+    """
     started = time.perf_counter()
-    residuals = sampler.fit_transform(tracks)
+    sampler.fit(tracks)
     sampled = time.perf_counter()
-    affinity = kernel.fit_transform(residuals)
+    affinity = kernel._fit_blocks(len(tracks), sampler._blocks(*unpack_tracks(tracks)))
     done = time.perf_counter()
     return sampler, kernel, affinity, (sampled - started, done - sampled)
 
 
 def _transform_branch(sampler, kernel, tracks):
-    return kernel.transform(sampler.transform(tracks))
+    return kernel._transform_blocks(
+        len(tracks), sampler._blocks(*unpack_tracks(tracks))
+    )

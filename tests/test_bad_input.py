@@ -48,7 +48,7 @@ def no_work(monkeypatch):
         pytest.fail("bad input got as far as the work")
 
     monkeypatch.setattr("skmotionseg.sampling.draw_hypotheses", work)
-    monkeypatch.setattr("skmotionseg.kernels.preferred_hypotheses", work)
+    monkeypatch.setattr("skmotionseg.kernels.blocks_of_matrix", work)
     monkeypatch.setattr(spectral, "leading_eigenvectors", work)
 
 

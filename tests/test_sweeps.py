@@ -66,13 +66,13 @@ def search(estimator, grid, X, y):
 def fits(monkeypatch):
     """How often each sampler and kernel is fitted."""
     counts = Counter()
-    for cls in (HypothesisSampler, ORKKernel):
+    for cls, name in ((HypothesisSampler, "_fit"), (ORKKernel, "_fit_affinity")):
 
-        def counted(self, X, cls=cls, fit=cls._fit):
+        def counted(self, X, cls=cls, fit=getattr(cls, name)):
             counts[cls.__name__] += 1
             return fit(self, X)
 
-        monkeypatch.setattr(cls, "_fit", counted)
+        monkeypatch.setattr(cls, name, counted)
     return counts
 
 

@@ -10,10 +10,15 @@ from .tracks import apply_similarity, normalization, similarity
 # a degenerate draw, one set in a million is still degenerate at the end.
 MAX_REDRAWS = 20
 
+# Minimal sets that are fitted at a time: what is in work then stays in the cache.
+SETS_A_BATCH = 2000
+
 # Tracks go through the matrix product in blocks of so many, the last one padded: BLAS
 # rounds differently for other shapes, and a track's residuals must not depend on which
 # tracks come with it.
 ROWS_A_BLOCK = 64
+# Blocks at a time, for the same reason.
+BLOCKS_A_BATCH = 2
 
 
 def draw_minimal_sets(n_available, size, random_state):
@@ -78,7 +83,13 @@ def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state
     def draw(scene):  # (B,) -> (B, 3, 3)
         sets = draw_minimal_sets(sizes[scene], model.minimal_size, random_state)
         sets += offsets[scene, None]
-        return model.fit(first[sets], second[sets])
+        batches = range(0, len(sets), SETS_A_BATCH)
+        return np.concatenate(
+            [
+                model.fit(first[batch], second[batch])
+                for batch in (sets[start : start + SETS_A_BATCH] for start in batches)
+            ]
+        )
 
     scene = np.repeat(np.arange(len(usable)), n_hypotheses)
     fitted = draw(scene)
@@ -119,8 +130,8 @@ def _replace_degenerate(fitted, shifts, model, random_state):
     return model.from_translation(shifts[drawn])
 
 
-def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale):
-    """Squared Sampson errors of tracks to the hypotheses of each frame pair.
+def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale):
+    """Squared Sampson errors of tracks to the hypotheses of each frame pair in turn.
 
     Computed in float32 in coordinates centred in each frame and scaled alike in both,
     which leaves the error what it is in pixels but for the factor ``scale ** -2``.
@@ -135,6 +146,35 @@ def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale
     centres : ndarray of shape (n_frames, 2)
     scale : float
 
+    Yields
+    ------
+    rows : ndarray of int, shape (n_seen,)
+        Tracks that are seen in the pair; none for a pair without hypotheses.
+    residuals : ndarray of shape (n_seen, n_hypotheses), float32
+        In squared pixels.
+    """
+    for (f, g), models in zip(pairs, hypotheses, strict=True):
+        rows = np.flatnonzero(visibility[:, f] & visibility[:, g])
+        if np.isnan(models[0, 0, 0]):
+            rows = rows[:0]
+        S, T = similarity(1 / scale, centres[f]), similarity(1 / scale, centres[g])
+        local = model.change_coordinates(models, S, T).astype(np.float32)
+        x = _in_blocks(apply_similarity(S, points[rows, f]))
+        y = _in_blocks(apply_similarity(T, points[rows, g]))
+        residuals = np.empty((*x.shape[:2], len(models)), dtype=np.float32)
+        for start in range(0, len(x), BLOCKS_A_BATCH):
+            batch = slice(start, start + BLOCKS_A_BATCH)
+            np.multiply(
+                model.residuals(local, x[batch], y[batch]),
+                np.float32(scale**2),
+                out=residuals[batch],
+            )
+        yield rows, residuals.reshape(-1, len(models))[: len(rows)]
+
+
+def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale):
+    """What :func:`residual_blocks` yields, side by side.
+
     Returns
     -------
     ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
@@ -142,18 +182,11 @@ def residual_matrix(points, visibility, pairs, hypotheses, model, centres, scale
     """
     n_pairs, n_hypotheses = hypotheses.shape[:2]
     residuals = np.full((len(points), n_pairs, n_hypotheses), np.nan, dtype=np.float32)
-    for p, (f, g) in enumerate(pairs):
-        rows = np.flatnonzero(visibility[:, f] & visibility[:, g])
-        if len(rows) == 0 or np.isnan(hypotheses[p, 0, 0, 0]):
-            continue
-        S, T = similarity(1 / scale, centres[f]), similarity(1 / scale, centres[g])
-        local = model.change_coordinates(hypotheses[p], S, T)
-        block = model.residuals(
-            local.astype(np.float32),
-            _in_blocks(apply_similarity(S, points[rows, f])),
-            _in_blocks(apply_similarity(T, points[rows, g])),
-        ).reshape(-1, n_hypotheses)
-        residuals[rows, p] = np.float32(scale**2) * block[: len(rows)]
+    blocks = residual_blocks(
+        points, visibility, pairs, hypotheses, model, centres, scale
+    )
+    for pair, (rows, block) in enumerate(blocks):
+        residuals[rows, pair] = block
     return residuals.reshape(len(points), -1)
 
 

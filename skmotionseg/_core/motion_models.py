@@ -21,6 +21,12 @@ import numpy as np
 # tracker, far above rounding.
 DEGENERATE_SPAN = 1e-5
 
+# Squarings that leave the eigenvector of the largest eigenvalue: one that is larger by
+# 4 % is then larger by a factor of 10^8, and nothing is lost where two are equal.
+SQUARINGS = 9
+# Cofactors of a unit matrix below this are rounding: it is of rank 1.
+RANK_ONE = 1e-14
+
 
 @dataclass(frozen=True)
 class MotionModel:
@@ -197,11 +203,35 @@ def null_vectors(A):
 
 
 def rank_two(F):
-    """Nearest matrices of rank 2, scaled to unit Frobenius norm."""
-    U, s, Vt = np.linalg.svd(F)
-    s[..., 2] = 0
-    s /= np.linalg.norm(s, axis=-1, keepdims=True)
-    return (U * s[..., None, :]) @ Vt
+    """Nearest matrices of rank 2, scaled to unit Frobenius norm.
+
+    Takes from each row its part along the right singular vector ``v`` of the least
+    singular value, which is the leading one (on the left) of the adjugate: a few
+    squarings leave nothing else of it. A matrix of rank 1 stays what it is.
+
+    Parameters
+    ----------
+    F : ndarray of shape (..., 3, 3)
+
+    Returns
+    -------
+    ndarray of shape (..., 3, 3)
+    """
+    M = np.moveaxis(_unit_norm(F).reshape(-1, 3, 3), 0, -1).copy()  # (3, 3, B)
+    adjugate = _adjugate3(np.moveaxis(M, -1, 0)).transpose(1, 2, 0)
+    power = [(adjugate[i] * adjugate[j]).sum(axis=0) for i, j in _UPPER]
+    defined = power[0] + power[3] + power[5] > RANK_ONE**2
+    for _ in range(SQUARINGS):
+        trace = np.where(defined, power[0] + power[3] + power[5], np.inf)
+        power = _square_symmetric(*(entry / trace for entry in power))
+    a, b, c, d, e, f = power
+    columns = np.stack([np.stack([a, b, c]), np.stack([b, d, e]), np.stack([c, e, f])])
+    longest = np.stack([a, d, f]).argmax(axis=0)
+    v = np.take_along_axis(columns, longest[None, None], axis=0)[0]
+    v /= np.maximum(np.sqrt((v * v).sum(axis=0)), np.finfo(float).tiny)
+    M -= (M * v).sum(axis=1)[:, None] * v
+    M /= np.sqrt((M * M).sum(axis=(0, 1)))
+    return np.moveaxis(M, -1, 0).reshape(F.shape)
 
 
 # ------------------------------------------------------------ Sampson residuals
@@ -261,17 +291,47 @@ def homography_residuals(H, x, y):
     ndarray of shape (..., n, K)
     """
     H = _unit_norm(H)
-    u, v, w = _map_points(H, x)  # (..., n, K) each
-    y0, y1 = y[..., :1], y[..., 1:]
-    c0, c1 = u - y0 * w, v - y1 * w
-    p0, p1 = H[:, 0, 0] - y0 * H[:, 2, 0], H[:, 0, 1] - y0 * H[:, 2, 1]
-    q0, q1 = H[:, 1, 0] - y1 * H[:, 2, 0], H[:, 1, 1] - y1 * H[:, 2, 1]
+    c0, c1, w = _map_points(H, x)  # (..., n, K) each, as all that follow
+    c0 -= y[..., :1] * w
+    c1 -= y[..., 1:] * w
+    (p0, p1), (q0, q1) = _jacobians(H, y)
     w *= w
-    numerator = (q0 * c0 - p0 * c1) ** 2 + (q1 * c0 - p1 * c1) ** 2
-    numerator += w * (c0 * c0 + c1 * c1)
-    denominator = w * (w + p0 * p0 + p1 * p1 + q0 * q0 + q1 * q1)
-    denominator += (p0 * q1 - p1 * q0) ** 2
+    numerator = _squared_difference(q0 * c0, p0 * c1)
+    numerator += _squared_difference(q1 * c0, p1 * c1)
+    c0 *= c0
+    c1 *= c1
+    c0 += c1
+    c0 *= w
+    numerator += c0
+    determinant = homogeneous(y) @ _jacobian_determinants(H).T
+    determinant *= determinant
+    denominator = w.copy()
+    for part in (p0, p1, q0, q1):
+        part *= part
+        denominator += part
+    denominator *= w
+    denominator += determinant
     return _ratio(numerator, denominator)
+
+
+def _jacobians(H, y):
+    """``H[i, j] - y_i H[2, j]`` for i, j in {0, 1}, each (..., n, K)."""
+    one_and = [np.stack([np.ones_like(y[..., i]), -y[..., i]], axis=-1) for i in (0, 1)]
+    return [[one_and[i] @ H[:, [i, 2], j].T for j in (0, 1)] for i in (0, 1)]
+
+
+def _jacobian_determinants(H):
+    """Coefficients (K, 3) of ``(y0, y1, 1)`` in ``p0 q1 - p1 q0``."""
+    a, b, c = (H[:, i, :2].astype(float) for i in range(3))
+    coefficients = [_cross2(b, c), _cross2(c, a), _cross2(a, b)]
+    return np.stack(coefficients, axis=1).astype(H.dtype)
+
+
+def _squared_difference(a, b):
+    """``(a - b) ** 2``, in the place of ``a``."""
+    a -= b
+    a *= a
+    return a
 
 
 def fundamental_residuals(F, x, y):
@@ -378,23 +438,42 @@ def _unit_norm(M):
     return M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
 
 
+# Upper triangle of a symmetric 3x3 matrix, in the order a, b, c, d, e, f of its rows.
+_UPPER = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)]
+
+
+def _square_symmetric(a, b, c, d, e, f):
+    return (
+        a * a + b * b + c * c,
+        a * b + b * d + c * e,
+        a * c + b * e + c * f,
+        b * b + d * d + e * e,
+        b * c + d * e + e * f,
+        c * c + e * e + f * f,
+    )
+
+
+def _cross2(a, b):
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
 def _symmetric2(M):
     return M[..., 0, 0], M[..., 0, 1], M[..., 1, 1]
 
 
 def _area(a, b, c):
     """Twice the signed area of triangles, (..., 2) each."""
-    (abx, aby), (acx, acy) = np.moveaxis(b - a, -1, 0), np.moveaxis(c - a, -1, 0)
-    return abx * acy - aby * acx
+    return _cross2(b - a, c - a)
 
 
 def _distinct(x, y):
     """Whether all correspondences of a set differ from one another."""
-    four = np.concatenate([x, y], axis=-1)
-    closest = np.full(four.shape[:-2], np.inf)
-    for i, j in combinations(range(four.shape[-2]), 2):
-        gap = np.abs(four[..., i, :] - four[..., j, :]).max(axis=-1)
-        closest = np.minimum(closest, gap)
+    four = np.moveaxis(np.concatenate([x, y], axis=-1), (-2, -1), (0, 1))
+    four = np.ascontiguousarray(four)  # (p, 4, ...)
+    closest = np.full(four.shape[2:], np.inf)
+    for i, j in combinations(range(len(four)), 2):
+        gap = np.abs(four[i] - four[j]).max(axis=0)
+        np.minimum(closest, gap, out=closest)
     return closest > DEGENERATE_SPAN
 
 

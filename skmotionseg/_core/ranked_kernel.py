@@ -5,15 +5,58 @@ Chin, Wang and Suter (2009); Xu, Cheong and Li (2021), sec. 3.2.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-# Columns of marks that are unpacked and multiplied at a time: 2,000 tracks then need
-# 32 MB of float32, whatever the length of the video.
-COLUMNS_A_BATCH = 4096
+
+@dataclass(frozen=True)
+class Preferences:
+    """The hypotheses that each track fits best, frame pair by frame pair.
+
+    Attributes
+    ----------
+    n_tracks : int
+    rows : list of ndarray of int, shape (n_seen,)
+        For each pair, the tracks that are seen in it.
+    marks : list of ndarray of uint8, shape (n_seen, ceil(n_hypotheses / 8))
+        Their marks, packed as by :func:`numpy.packbits`.
+    """
+
+    n_tracks: int
+    rows: list[np.ndarray]
+    marks: list[np.ndarray]
+
+    @classmethod
+    def from_blocks(cls, n_tracks, blocks, n_top):
+        """Mark the hypotheses of each pair's residuals.
+
+        Parameters
+        ----------
+        n_tracks : int
+        blocks : iterable of (rows, residuals)
+            For each pair, the tracks seen in it, (n_seen,), and their residuals to its
+            hypotheses, (n_seen, n_hypotheses).
+        n_top : int
+            Hypotheses marked a track and pair; of equal residuals, the first.
+        """
+        rows, marks = [], []
+        for seen, residuals in blocks:
+            rows.append(seen)
+            marks.append(np.packbits(_mark_smallest(residuals, n_top), axis=1))
+        return cls(n_tracks, rows, marks)
+
+    @property
+    def seen(self):
+        """Whether each track is seen in each pair: bool, (n_tracks, n_pairs)."""
+        seen = np.zeros((self.n_tracks, len(self.rows)), dtype=bool)
+        for pair, rows in enumerate(self.rows):
+            seen[rows, pair] = True
+        return seen
 
 
-def preferred_hypotheses(residuals, n_hypotheses, n_top):
-    """Mark, in each frame pair, the hypotheses that a track fits best.
+def blocks_of_matrix(residuals, n_hypotheses):
+    """Yield the tracks seen in each frame pair, and their residuals.
 
     Parameters
     ----------
@@ -21,23 +64,16 @@ def preferred_hypotheses(residuals, n_hypotheses, n_top):
         Pair-major. A pair in which a track has any NaN counts as unseen.
     n_hypotheses : int
         Columns of a pair.
-    n_top : int
-        Hypotheses marked a track and pair; of equal residuals, the first.
 
-    Returns
-    -------
-    preferred : ndarray of uint8, shape (n_tracks, ceil(n_columns / 8))
-        The marks, packed as by :func:`numpy.packbits`.
-    seen : ndarray of bool, shape (n_tracks, n_pairs)
+    Yields
+    ------
+    rows : ndarray of int, shape (n_seen,)
+    block : ndarray of shape (n_seen, n_hypotheses)
     """
-    groups = residuals.reshape(len(residuals), -1, n_hypotheses)
-    marks = np.zeros(groups.shape, dtype=bool)
-    seen = np.empty(groups.shape[:2], dtype=bool)
-    for pair in range(groups.shape[1]):
-        seen[:, pair] = ~np.isnan(groups[:, pair]).any(axis=1)
-        rows = np.flatnonzero(seen[:, pair])
-        marks[rows, pair] = _mark_smallest(groups[rows, pair], n_top)
-    return np.packbits(marks.reshape(residuals.shape), axis=1), seen
+    for start in range(0, residuals.shape[1], n_hypotheses):
+        block = residuals[:, start : start + n_hypotheses]
+        rows = np.flatnonzero(~np.isnan(block).any(axis=1))
+        yield rows, block[rows]
 
 
 def _mark_smallest(values, n_top):
@@ -53,27 +89,37 @@ def _mark_smallest(values, n_top):
 
 
 def co_occurrence(first, second):
-    """Count the marks two rows share, for all pairs of rows.
+    """Count the marks two tracks share, for all pairs of tracks.
+
+    A frame pair is one product of the tracks that are seen in it, so the time goes
+    with what was seen and not with the length of the video.
 
     Parameters
     ----------
-    first, second : ndarray of uint8, shapes (n, n_bytes) and (m, n_bytes)
-        Packed marks. The product of an array with itself is exactly symmetric.
+    first, second : Preferences
+        The product of one with itself is exactly symmetric.
 
     Returns
     -------
     ndarray of shape (n, m), float32
         Whole numbers; exact below 2 ** 24.
     """
-    counts = np.zeros((len(first), len(second)), dtype=np.float32)
-    for start in range(0, first.shape[1], COLUMNS_A_BATCH // 8):
-        columns = slice(start, start + COLUMNS_A_BATCH // 8)
-        a = np.unpackbits(first[:, columns], axis=1).astype(np.float32)
-        if second is first:
-            counts += a @ a.T
+    counts = np.zeros((first.n_tracks, second.n_tracks), dtype=np.float32)
+    for pair, (rows, columns) in enumerate(zip(first.rows, second.rows, strict=True)):
+        a = np.unpackbits(first.marks[pair], axis=1).astype(np.float32)
+        b = a
+        if second is not first:
+            b = np.unpackbits(second.marks[pair], axis=1).astype(np.float32)
+        if counts.shape == (len(rows), len(columns)):
+            counts += a @ b.T
         else:
-            counts += a @ np.unpackbits(second[:, columns], axis=1).astype(np.float32).T
+            counts[rows[:, None], columns] += a @ b.T
     return counts
+
+
+def common_pairs(first, second):
+    """Frame pairs in which two tracks are both seen: float32, shape (n, m)."""
+    return first.seen.astype(np.float32) @ second.seen.T.astype(np.float32)
 
 
 def covisible_affinity(counts, n_common, n_top, prior):
