@@ -67,8 +67,9 @@ def fits(monkeypatch):
     """How often each sampler and kernel is fitted."""
     counts = Counter()
     for cls, name in ((HypothesisSampler, "_fit"), (ORKKernel, "_fit_affinity")):
+        fit = getattr(cls, name)
 
-        def counted(self, X, cls=cls, fit=getattr(cls, name)):
+        def counted(self, X, cls=cls, fit=fit):
             counts[cls.__name__] += 1
             return fit(self, X)
 

@@ -37,7 +37,7 @@ def neighbourhood_thresholds(affinity, alpha, own):
     rows = np.flatnonzero(own > 0)
     relative = affinity[rows] / own[rows, None].astype(float)
     relative[relative > 1 - TIE] = 1  # the own affinity, but for rounding
-    similarity = relative**alpha
+    similarity = _power(relative, alpha)
     distance = 1 - similarity  # s_j in units of the row's largest
     total = distance.sum(axis=1)
     varied = total > 0
@@ -49,6 +49,18 @@ def neighbourhood_thresholds(affinity, alpha, own):
     level = -np.expm1((p * log_distance).sum(axis=1))
     thresholds[rows] = own[rows] * level ** (1 / alpha) * (1 + TIE)
     return thresholds
+
+
+def _power(x, exponent):
+    """``x ** exponent``, by multiplication where the exponent is a small whole number."""
+    if exponent != int(exponent) or exponent > 16:
+        return x**exponent
+    power = x.copy()
+    for bit in format(int(exponent), "b")[1:]:
+        power *= power
+        if bit == "1":
+            power *= x
+    return power
 
 
 def sparsify(affinity, row_thresholds, column_thresholds):
