@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from numbers import Integral, Real
 
 import numpy as np
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
-from sklearn.cluster import KMeans
-from sklearn.exceptions import ConvergenceWarning
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, check_non_negative, validate_data
 
+from ._core.kmeans import kmeans, nearest_centres
 from ._core.selection import canonical_labels
 from ._core.spectral import (
     ViewGraph,
@@ -172,7 +170,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         -------
         ndarray of int, shape (n,)
         """
-        return _labels_of_all(graph, self._embed_and_cluster(graph)[1].labels_)
+        return _labels_of_all(graph, self._embed_and_cluster(graph)[1])
 
     def _embed_and_cluster(self, graph):
         fused = get_fusion(self.fusion)(
@@ -183,21 +181,17 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             max_iter=self.max_iter,
             tol=self.tol,
         )
-        kmeans = _fit_kmeans(
-            cluster_features(fused.embeddings),
-            self.n_clusters,
-            self.n_init,
-            check_random_state(self.random_state),
-        )
-        return fused, kmeans
+        features = cluster_features(fused.embeddings)
+        rng = check_random_state(self.random_state)
+        return fused, *kmeans(features, self.n_clusters, self.n_init, rng)
 
     def _fit_graph(self, graph):
         """Cluster the tracks that meet another, and put them back in their rows."""
         connected, n = graph.connected, graph.n_samples
-        fused, self._kmeans = self._embed_and_cluster(graph)
-        self.labels_ = _labels_of_all(graph, self._kmeans.labels_)
+        fused, labels, self._centres = self._embed_and_cluster(graph)
+        self.labels_ = _labels_of_all(graph, labels)
         self._label_of_centre = np.zeros(self.n_clusters, dtype=int)
-        self._label_of_centre[self._kmeans.labels_] = self.labels_[connected]
+        self._label_of_centre[labels] = self.labels_[connected]
         self.n_views_ = len(graph.degrees)
         self.view_embeddings_ = np.zeros((self.n_views_, n, self.n_clusters))
         self.view_embeddings_[:, connected] = fused.embeddings
@@ -240,7 +234,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
                 )
             ]
         )
-        labels = self._label_of_centre[self._kmeans.predict(features)]
+        labels = self._label_of_centre[nearest_centres(features, self._centres)]
         labels[~(rows > 0).any(axis=(0, 2))] = -1
         return labels
 
@@ -250,11 +244,3 @@ def _labels_of_all(graph, labels):
     everything = np.full(graph.n_samples, -1)
     everything[graph.connected] = labels
     return canonical_labels(everything)
-
-
-def _fit_kmeans(features, n_clusters, n_init, random_state):
-    """k-means that takes fewer distinct rows than clusters without a word."""
-    kmeans = KMeans(n_clusters, n_init=n_init, random_state=random_state)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        return kmeans.fit(features)

@@ -15,8 +15,10 @@ from skmotionseg._core.spectral import (
     extend_embedding,
     inverse_sqrt,
     leading_eigenvectors,
+    leading_of_perturbed,
     normalize_rows,
     normalized_affinity,
+    spectrum,
 )
 
 N_CLUSTERS = 3
@@ -166,7 +168,7 @@ def test_the_graph_leaves_out_tracks_that_meet_no_other():
 def test_the_graph_has_no_more_eigenvectors_than_tracks():
     graph = ViewGraph.from_affinities(views(n=9), 20)
     assert graph.n_leading == 9
-    assert graph.view_vectors.shape == (3, 9, 9)
+    assert [len(values) for values, _ in graph.view_spectra] == [9, 9, 9]
     assert graph.sum_vectors.shape == (9, 9)
 
 
@@ -179,13 +181,35 @@ def test_eigenvectors_for_more_clusters_serve_for_fewer(fusion):
 @every_fusion
 def test_a_fusion_leaves_the_graph_as_it_was(fusion):
     graph = ViewGraph.from_affinities(views(), 4)
-    before = [
-        a.copy() for a in (graph.normalized, graph.view_vectors, graph.sum_vectors)
-    ]
+
+    def arrays():
+        spectra = [array for spectrum in graph.view_spectra for array in spectrum]
+        return [graph.normalized, graph.sum_vectors, *spectra]
+
+    before = [array.copy() for array in arrays()]
     FUSIONS[fusion](graph, 3, lam=0.3, gamma=0.3, max_iter=3, tol=0)
-    after = graph.normalized, graph.view_vectors, graph.sum_vectors
-    for a, b in zip(before, after, strict=True):
+    for a, b in zip(before, arrays(), strict=True):
         assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.1, 10])
+@pytest.mark.parametrize("n", [5, 20, 90])
+def test_eigenvectors_of_a_perturbed_matrix_are_those_of_the_sum(n, size):
+    rng = np.random.default_rng(n)
+    known, other = (A + A.T for A in rng.standard_normal((2, n, n)))
+    other *= size / np.sqrt(n)
+    found = leading_of_perturbed(*spectrum(known), lambda X: other @ X, 3)
+    expected = leading_eigenvectors(known + other, 3)[1]
+    assert_allclose(np.abs(found.T @ expected), np.eye(3), atol=1e-7)
+
+
+def test_eigenvectors_of_a_perturbed_matrix_with_equal_eigenvalues():
+    n = 40
+    direction = np.random.default_rng(0).standard_normal((n, 1))
+    found = leading_of_perturbed(
+        *spectrum(np.eye(n)), lambda X: direction @ (direction.T @ X), 1
+    )
+    assert_allclose(np.abs(found.T @ direction), np.linalg.norm(direction), rtol=1e-9)
 
 
 # ------------------------------------------------------------------------------ fusions

@@ -52,7 +52,7 @@ def neighbourhood_thresholds(affinity, alpha, own):
 
 
 def _power(x, exponent):
-    """``x ** exponent``, by multiplication where the exponent is a small whole number."""
+    """``x ** exponent``, by products where the exponent is a small whole number."""
     if exponent != int(exponent) or exponent > 16:
         return x**exponent
     power = x.copy()

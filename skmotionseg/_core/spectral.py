@@ -14,6 +14,12 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+# Eigenvectors of a view that are there for each small problem of a fusion, over those
+# that are asked for: more make the problems larger and fewer.
+EXTRA_VECTORS = 8
+# Length of the residual at which an eigenvector is found.
+EIGENVECTOR_TOLERANCE = 1e-9
+
 
 @dataclass(frozen=True)
 class ViewGraph:
@@ -51,11 +57,9 @@ class ViewGraph:
         return cls(n_samples, connected, views.sum(axis=2), normalized, n_leading)
 
     @cached_property
-    def view_vectors(self):
-        """Leading eigenvectors of each view, (n_views, n, n_leading)."""
-        return np.stack(
-            [leading_eigenvectors(N, self.n_leading)[1] for N in self.normalized]
-        )
+    def view_spectra(self):
+        """All eigenvalues, the largest first, and eigenvectors of each view."""
+        return [spectrum(N) for N in self.normalized]
 
     @cached_property
     def sum_vectors(self):
@@ -146,6 +150,55 @@ def leading_eigenvectors(matrix, n_vectors):
     return values, vectors * np.sign(vectors[largest, np.arange(n_vectors)])
 
 
+def spectrum(matrix):
+    """All eigenvalues of a symmetric matrix, the largest first, and eigenvectors."""
+    values, vectors = np.linalg.eigh(matrix)
+    return values[::-1], np.ascontiguousarray(vectors[:, ::-1])
+
+
+def leading_of_perturbed(values, vectors, perturb, n_vectors):
+    """Eigenvectors of the largest eigenvalues of a known matrix plus a small one.
+
+    Davidson's method in the eigenvectors of the known matrix: the leading ones and
+    those that the residuals, divided by the distances of the eigenvalues, point to.
+    A few small problems take the place of a decomposition.
+
+    Parameters
+    ----------
+    values : ndarray of shape (n,)
+        Eigenvalues of the known matrix, the largest first.
+    vectors : ndarray of shape (n, n)
+    perturb : callable
+        ``(n, k) -> (n, k)``: the small symmetric matrix times some columns.
+    n_vectors : int
+
+    Returns
+    -------
+    ndarray of shape (n, n_vectors)
+    """
+    n = len(values)
+    n_exact = min(n, 2 * n_vectors + EXTRA_VECTORS)
+    basis = np.eye(n, n_exact)
+    image = vectors.T @ perturb(vectors[:, :n_exact])
+    while True:
+        small = basis.T @ (values[:, None] * basis + image)
+        ritz, mixture = np.linalg.eigh((small + small.T) / 2)
+        ritz, mixture = ritz[-n_vectors:][::-1], mixture[:, -n_vectors:][:, ::-1]
+        found = basis @ mixture
+        residual = values[:, None] * found + image @ mixture - found * ritz
+        open_ = np.linalg.norm(residual, axis=0) > EIGENVECTOR_TOLERANCE
+        if basis.shape[1] + open_.sum() > n or not open_.any():
+            return vectors @ found
+        distance = np.maximum(ritz[open_] - values[:, None], EIGENVECTOR_TOLERANCE)
+        new = residual[:, open_] / distance
+        new[:n_exact] = 0
+        for _ in range(2):  # once more for what rounding left
+            new -= basis @ (basis.T @ new)
+            new = np.linalg.qr(new)[0]
+        basis = np.hstack([basis, new])
+        image = np.hstack([image, vectors.T @ perturb(vectors @ new)])
+
+
 def normalize_rows(matrix):
     """Rows of length 1; zero rows stay zero."""
     length = np.linalg.norm(matrix, axis=-1, keepdims=True)
@@ -215,9 +268,9 @@ def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
     Fusion
     """
 
-    def pull(v, U):  # sum_{w != v} U_w U_w^T
+    def pull(v, U):  # lam sum_{w != v} U_w U_w^T
         others = np.hstack([U[w] for w in range(len(U)) if w != v])
-        return lam * (others @ others.T)
+        return lambda X: lam * (others @ (others.T @ X))
 
     def cost(U):
         agreement = sum(
@@ -258,11 +311,12 @@ def subset_constraint(graph, n_clusters, *, lam=None, gamma, max_iter, tol):
             Q += np.maximum(U[v - 1] @ U[v - 1].T, 0)
         if v + 1 < len(U):
             Q += np.minimum(U[v + 1] @ U[v + 1].T, 0)
-        return gamma * Q
+        Q *= gamma
+        return lambda X: Q @ X
 
     def cost(U):
         return _cut_cost(graph, U) - sum(
-            np.sum(U[v] * (pull(v, U) @ U[v])) for v in range(len(U))
+            np.sum(U[v] * pull(v, U)(U[v])) for v in range(len(U))
         )
 
     return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
@@ -277,11 +331,11 @@ FUSIONS = {
 
 def _alternate(graph, n_clusters, pull, cost, max_iter, tol):
     """Sweep over the views until the cost settles; one view needs no sweep."""
-    U = graph.view_vectors[:, :, :n_clusters].copy()
+    U = np.stack([vectors[:, :n_clusters] for _, vectors in graph.view_spectra])
     objective = [cost(U)]
     for _ in range(max_iter if len(U) > 1 else 0):
-        for v, N in enumerate(graph.normalized):
-            U[v] = leading_eigenvectors(N + pull(v, U), n_clusters)[1]
+        for v, view in enumerate(graph.view_spectra):
+            U[v] = leading_of_perturbed(*view, pull(v, U), n_clusters)
         objective.append(cost(U))
         if abs(objective[-2] - objective[-1]) < tol * n_clusters:
             break

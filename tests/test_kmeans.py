@@ -1,0 +1,84 @@
+"""k-means with all restarts in one batch."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.cluster import KMeans
+from sklearn.metrics import adjusted_rand_score
+
+from skmotionseg._core.kmeans import kmeans, nearest_centres
+
+
+def blobs(n_clusters, seed=0, spread=0.1):
+    rng = np.random.default_rng(seed)
+    centres = rng.standard_normal((n_clusters, 4))
+    labels = rng.integers(n_clusters, size=200)
+    return centres[labels] + spread * rng.standard_normal((200, 4)), labels
+
+
+def run(features, n_clusters, n_init=10, seed=0):
+    return kmeans(features, n_clusters, n_init, np.random.RandomState(seed))
+
+
+def inertia(features, labels, centres):
+    return ((features - centres[labels]) ** 2).sum()
+
+
+@pytest.mark.parametrize("n_clusters", [1, 2, 5, 8])
+def test_groups_are_found(n_clusters):
+    features, truth = blobs(n_clusters, spread=0.03)
+    labels, _ = run(features, n_clusters)
+    assert adjusted_rand_score(truth, labels) == 1
+
+
+@pytest.mark.parametrize("n_clusters", [2, 4, 9])
+def test_it_is_as_good_as_that_of_scikit_learn(n_clusters):
+    ratios = []
+    for seed in range(10):
+        features = np.random.default_rng(seed).standard_normal((150, 3))
+        theirs = KMeans(n_clusters, n_init=10, random_state=seed).fit(features)
+        ours = inertia(features, *run(features, n_clusters, seed=seed))
+        ratios.append(ours / theirs.inertia_)
+    assert np.mean(ratios) < 1.005
+
+
+def test_the_result_is_a_fixed_point():
+    features, _ = blobs(5, spread=0.5)
+    labels, centres = run(features, 5)
+    assert_array_equal(nearest_centres(features, centres), labels)
+    for k in range(5):
+        assert_allclose(centres[k], features[labels == k].mean(axis=0))
+
+
+def test_more_restarts_are_never_worse():
+    features = np.random.default_rng(0).standard_normal((100, 2))
+    few, many = (inertia(features, *run(features, 8, n)) for n in (1, 30))
+    assert many <= few
+
+
+def test_the_same_seed_gives_the_same_labels():
+    features, _ = blobs(4, spread=0.6)
+    assert_array_equal(run(features, 4)[0], run(features, 4)[0])
+
+
+def test_as_many_clusters_as_rows():
+    features = np.arange(6.0)[:, None]
+    labels, _ = run(features, 6)
+    assert sorted(labels) == list(range(6))
+
+
+@pytest.mark.parametrize("n_clusters", [2, 3, 5])
+def test_fewer_distinct_rows_than_clusters(n_clusters):
+    features = np.repeat([[0.0, 1.0], [2.0, 0.0]], 3, axis=0)
+    labels, centres = run(features, n_clusters)
+    assert set(labels[:3]).isdisjoint(labels[3:])
+    assert np.isfinite(centres).all()
+
+
+def test_features_are_left_alone():
+    features, _ = blobs(3)
+    before = features.copy()
+    run(features, 3)
+    assert_array_equal(features, before)
