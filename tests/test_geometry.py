@@ -27,9 +27,9 @@ def geometry_of(**scene):
 
 def test_frame_pairs_are_limited_and_spread_over_the_clip():
     geometry, _ = geometry_of(n_tracks=30, n_frames=60, random_state=0)
-    assert len(geometry.x) == MAX_PAIRS
+    assert len(geometry.seen) == MAX_PAIRS
     short, _ = geometry_of(n_tracks=30, n_frames=3, random_state=0)
-    assert len(short.x) == 2  # no pair four frames apart
+    assert len(short.seen) == 2  # no pair four frames apart
 
 
 @pytest.mark.parametrize("noise", [0.1, 0.5])
@@ -50,7 +50,7 @@ def test_a_fit_is_robust_to_a_few_tracks_of_another_motion():
     few = np.sort(np.r_[np.flatnonzero(y == 0), np.flatnonzero(y == 1)[:3]])
     y = y[few]
     geometry = clip_geometry(*unpack_tracks(X[few]))
-    errors = robust_residuals(geometry.x, geometry.y, geometry.seen)
+    errors = robust_residuals(*geometry.of_group(np.arange(len(few))))
     noise = 0.1 / 250  # a working unit is about so many pixels
     assert np.median(errors[:, y == 0]) < noise**2
     assert np.median(errors[:, y == 1]) > 100 * noise**2
@@ -92,7 +92,7 @@ def test_a_model_costs_seven_free_tracks_where_there_is_one():
     assert description_length(geometry, np.arange(7))[1] == 0
     models = description_length(geometry, np.arange(40))[1]
     free = geometry.log_range[:, None] - np.log(NOISE_LEVELS * np.sqrt(2 * np.pi))
-    independent = 8 / len(geometry.x)  # 8 motions from frame to frame, 13 pairs
+    independent = 8 / len(geometry.seen)  # 8 motions from frame to frame, 13 pairs
     assert np.isclose(models, 7 * independent * free.sum(axis=0)).any()
 
 

@@ -41,7 +41,7 @@ def test_it_is_as_good_as_that_of_scikit_learn(n_clusters):
         theirs = KMeans(n_clusters, n_init=10, random_state=seed).fit(features)
         ours = inertia(features, *run(features, n_clusters, seed=seed))
         ratios.append(ours / theirs.inertia_)
-    assert np.mean(ratios) < 1.005
+    assert np.mean(ratios) < 1.02
 
 
 def test_the_result_is_a_fixed_point():

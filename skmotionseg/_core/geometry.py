@@ -15,6 +15,7 @@ import numpy as np
 
 from .motion_models import (
     MOTION_MODELS,
+    SQUARINGS,
     epipolar_equations,
     homogeneous,
     rank_two,
@@ -32,6 +33,9 @@ NOISE_LEVELS = 2e-4 * 2.0 ** np.arange(5)
 # Weights of the robust fit fall to a half at this residual (same unit).
 ROBUST_SCALE = 2e-3
 ROBUST_SWEEPS = 4
+# Moments that obey a model exactly are singular; this share of their trace, far below
+# any noise, is added to invert them.
+SINGULAR = 1e-14
 
 
 @dataclass(frozen=True)
@@ -40,10 +44,12 @@ class ClipGeometry:
 
     Attributes
     ----------
-    x, y : ndarray of shape (n_pairs, n_tracks, 2)
-        Where tracks are in the first and second frame, in coordinates centred in each
-        frame and scaled alike in all; 0 where unseen.
     seen : ndarray of bool, shape (n_pairs, n_tracks)
+    pair, track : ndarray of int, shape (n_observations,)
+        Where ``seen`` is true, pair by pair.
+    x, y : ndarray of shape (n_observations, 2)
+        Where tracks are in the first and second frame, in coordinates centred in each
+        frame and scaled alike in all.
     log_range : ndarray of shape (n_pairs,)
         Log of the range of displacements, an axis: what a free coordinate costs, but
         for the noise.
@@ -52,15 +58,41 @@ class ClipGeometry:
         distant frames follows from those between, so it must not be paid for again.
     """
 
+    seen: np.ndarray
+    pair: np.ndarray
+    track: np.ndarray
     x: np.ndarray
     y: np.ndarray
-    seen: np.ndarray
     log_range: np.ndarray
     model_share: float
 
     @property
     def n_observations(self):
-        return max(1, int(self.seen.sum()))
+        return max(1, len(self.pair))
+
+    def of_group(self, members):
+        """Observations of some tracks, the pairs side by side.
+
+        Parameters
+        ----------
+        members : ndarray of int
+
+        Returns
+        -------
+        x, y : ndarray of shape (n_pairs, n_most, 2)
+            0 after the last of a pair.
+        seen : ndarray of bool, shape (n_pairs, n_most)
+        """
+        inside = np.zeros(self.seen.shape[1], dtype=bool)
+        inside[members] = True
+        chosen = np.flatnonzero(inside[self.track])
+        pair = self.pair[chosen]
+        counts = np.bincount(pair, minlength=len(self.seen))
+        place = np.arange(len(chosen)) - (np.cumsum(counts) - counts)[pair]
+        seen = np.arange(counts.max(initial=0)) < counts[:, None]
+        x, y = np.zeros((2, *seen.shape, 2))
+        x[pair, place], y[pair, place] = self.x[chosen], self.y[chosen]
+        return x, y, seen
 
 
 def clip_geometry(points, visibility):
@@ -82,14 +114,14 @@ def clip_geometry(points, visibility):
     if len(pairs) > most:
         pairs = pairs[np.linspace(0, len(pairs) - 1, most).astype(int)]
     centres, scale = working_coordinates(points, visibility)
-    points = np.where(visibility[..., None], (points - centres) / scale, 0)
-    points = points.swapaxes(0, 1)  # (n_frames, n_tracks, 2)
-    x, y = points[pairs[:, 0]], points[pairs[:, 1]]
-    seen = visibility.T[pairs[:, 0]] & visibility.T[pairs[:, 1]]
-    log_range = np.array(
-        [_log_range(b[s] - a[s]) for a, b, s in zip(x, y, seen, strict=True)]
-    )
-    return ClipGeometry(x, y, seen, log_range, min(1, (n_frames - 1) / len(pairs)))
+    points = ((points - centres) / scale).swapaxes(0, 1)  # (n_frames, n_tracks, 2)
+    seen = visibility.T[pairs].all(axis=1)
+    pair, track = np.nonzero(seen)
+    x, y = points[pairs[pair, 0], track], points[pairs[pair, 1], track]
+    ends = np.cumsum(seen.sum(axis=1))[:-1]
+    log_range = np.array([_log_range(moved) for moved in np.split(y - x, ends)])
+    share = min(1, (n_frames - 1) / len(pairs))
+    return ClipGeometry(seen, pair, track, x, y, log_range, share)
 
 
 def _log_range(displacements):
@@ -119,8 +151,8 @@ def description_length(geometry, members):
         Nats for the models: a free coordinate more of the seven tracks that determine
         one, for the motions that do not follow from others.
     """
-    seen = geometry.seen[:, members]
-    residuals = robust_residuals(geometry.x[:, members], geometry.y[:, members], seen)
+    x, y, seen = geometry.of_group(members)
+    residuals = robust_residuals(x, y, seen)
     modelled = seen.sum(axis=1) >= MOTION_MODELS["fundamental"].minimal_size
     lengths = []
     for noise in NOISE_LEVELS:
@@ -160,18 +192,36 @@ def robust_residuals(x, y, seen):
     x, y, spread = _normalize_pairs(x[pairs], y[pairs], seen)
     rows = epipolar_equations(x, y)  # (P, n, 9)
     weights = seen
-    for _ in range(ROBUST_SWEEPS):
+    for sweep in range(ROBUST_SWEEPS):
         moments = (rows * weights[..., None]).swapaxes(1, 2) @ rows  # (P, 9, 9)
-        F = rank_two(np.linalg.eigh(moments)[1][:, :, 0].reshape(-1, 3, 3))
+        F = _least_eigenvectors(moments).reshape(-1, 3, 3)
+        if sweep == ROBUST_SWEEPS - 1:  # before, weights are all that it is for
+            F = rank_two(F)
         lines, back = x @ F.swapaxes(1, 2), y @ F
-        gradient = (lines[..., :2] ** 2).sum(-1) + (back[..., :2] ** 2).sum(-1)
+        gradient = sum(side[..., i] ** 2 for side in (lines, back) for i in (0, 1))
         gradient = np.maximum(gradient, np.finfo(float).tiny)
-        errors = (y * lines).sum(-1) ** 2 / gradient
+        errors = (rows @ F.reshape(-1, 9, 1))[..., 0] ** 2 / gradient
         weights = seen / (1 + errors * (spread / ROBUST_SCALE) ** 2)
         weights /= np.maximum(gradient, 1e-9 * gradient.max())
         weights /= weights.max(axis=1, keepdims=True)
     residuals[pairs] = errors * spread**2
     return residuals
+
+
+def _least_eigenvectors(moments):
+    """Unit eigenvectors (P, n) of the least eigenvalues of moments (P, n, n).
+
+    A power of the inverse, by squaring: several times faster than all eigenvectors of
+    so many small matrices.
+    """
+    trace = np.trace(moments, axis1=1, axis2=2)[:, None, None]
+    power = np.linalg.inv(moments / trace + SINGULAR * np.eye(moments.shape[1]))
+    for _ in range(SQUARINGS):
+        power /= np.trace(power, axis1=1, axis2=2)[:, None, None]
+        power = power @ power
+    longest = np.einsum("pii->pi", power).argmax(axis=1)
+    vectors = power[np.arange(len(power)), :, longest]
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def _normalize_pairs(x, y, seen):

@@ -96,13 +96,7 @@ def merge_path(labels, affinity, lengths, n_last):
         yield _labels_of(groups, len(labels))
         if len(groups) <= n_last:
             return
-        costs = {
-            (i, j): _merge_cost(groups[i], groups[j], lengths)
-            - np.log(_link(sums, i, j))
-            for i in range(len(groups))
-            for j in range(i)
-        }
-        i, j = min(costs, key=costs.get)
+        i, j = _cheapest_merge(groups, sums, lengths)
         union = np.union1d(groups[i], groups[j])
         keep = [k for k in range(len(groups)) if k not in (i, j)]
         merge = np.zeros((len(keep) + 1, len(groups)))
@@ -110,6 +104,27 @@ def merge_path(labels, affinity, lengths, n_last):
         merge[-1, [i, j]] = 1
         sums = merge @ sums @ merge.T
         groups = [groups[k] for k in keep] + [union]
+
+
+def _cheapest_merge(groups, sums, lengths):
+    """The two groups that cost least to merge.
+
+    A common model explains no track better than its own does, so a merge costs no less
+    than its link tells: pairs are tried from the most linked on, until none can win.
+    """
+    links = sorted(
+        (-np.log(_link(sums, i, j)), i, j)
+        for i in range(len(groups))
+        for j in range(i)
+    )
+    least, cheapest = np.inf, None
+    for link, i, j in links:
+        if link >= least:
+            break
+        cost = _merge_cost(groups[i], groups[j], lengths) + link
+        if cost < least:
+            least, cheapest = cost, (i, j)
+    return cheapest
 
 
 def _merge_cost(first, second, lengths):
