@@ -15,7 +15,7 @@ import numpy as np
 
 from .motion_models import (
     MOTION_MODELS,
-    SQUARINGS,
+    dominant_eigenvectors,
     epipolar_equations,
     homogeneous,
     rank_two,
@@ -192,11 +192,9 @@ def robust_residuals(x, y, seen):
     x, y, spread = _normalize_pairs(x[pairs], y[pairs], seen)
     rows = epipolar_equations(x, y)  # (P, n, 9)
     weights = seen
-    for sweep in range(ROBUST_SWEEPS):
+    for _ in range(ROBUST_SWEEPS):
         moments = (rows * weights[..., None]).swapaxes(1, 2) @ rows  # (P, 9, 9)
-        F = _least_eigenvectors(moments).reshape(-1, 3, 3)
-        if sweep == ROBUST_SWEEPS - 1:  # before, weights are all that it is for
-            F = rank_two(F)
+        F = rank_two(_least_eigenvectors(moments).reshape(-1, 3, 3))
         lines, back = x @ F.swapaxes(1, 2), y @ F
         gradient = sum(side[..., i] ** 2 for side in (lines, back) for i in (0, 1))
         gradient = np.maximum(gradient, np.finfo(float).tiny)
@@ -209,19 +207,10 @@ def robust_residuals(x, y, seen):
 
 
 def _least_eigenvectors(moments):
-    """Unit eigenvectors (P, n) of the least eigenvalues of moments (P, n, n).
-
-    A power of the inverse, by squaring: several times faster than all eigenvectors of
-    so many small matrices.
-    """
+    """Unit eigenvectors (P, n) of the least eigenvalues of moments (P, n, n)."""
     trace = np.trace(moments, axis1=1, axis2=2)[:, None, None]
-    power = np.linalg.inv(moments / trace + SINGULAR * np.eye(moments.shape[1]))
-    for _ in range(SQUARINGS):
-        power /= np.trace(power, axis1=1, axis2=2)[:, None, None]
-        power = power @ power
-    longest = np.einsum("pii->pi", power).argmax(axis=1)
-    vectors = power[np.arange(len(power)), :, longest]
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    ridge = SINGULAR * np.eye(moments.shape[1])
+    return dominant_eigenvectors(np.linalg.inv(moments / trace + ridge))
 
 
 def _normalize_pairs(x, y, seen):

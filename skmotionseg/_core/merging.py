@@ -113,9 +113,7 @@ def _cheapest_merge(groups, sums, lengths):
     than its link tells: pairs are tried from the most linked on, until none can win.
     """
     links = sorted(
-        (-np.log(_link(sums, i, j)), i, j)
-        for i in range(len(groups))
-        for j in range(i)
+        (-np.log(_link(sums, i, j)), i, j) for i in range(len(groups)) for j in range(i)
     )
     least, cheapest = np.inf, None
     for link, i, j in links:
