@@ -87,9 +87,10 @@ def test_what_a_sequence_is(fbms):
     assert_array_equal(clip.mask_frames, [0, 2])
     assert_array_equal(clip.masks[1], np.select([LAST == 40, LAST == 90], [1, 2], 0))
     assert_array_equal(clip.region_sizes, [20 + 18, 4 + 4, 0 + 2])
-    assert_array_equal(clip.point_track, [0, 1, 2, 3, 4, 5, 0, 1, 3, 4, 6])
-    assert_array_equal(clip.point_frame, [0] * 6 + [2] * 5)
-    assert_array_equal(clip.point_target, [0, 0, 0, 1, 1, 0, 0, 0, 1, 1, 2])
+    assert_array_equal(clip.point_track, [0, 1, 2, 3, 4, 5, 0, 1, 3, 4, 6, 7, 8])
+    assert_array_equal(clip.point_frame, [0] * 6 + [2] * 5 + [-1] * 2)
+    assert_array_equal(clip.point_target, [0, 0, 0, 1, 1, 0, 0, 0, 1, 1, 2, -1, -1])
+    assert_array_equal(clip.point_weight, [1] * 11 + [0] * 2)
 
 
 def test_scores_by_hand(fbms):
@@ -124,6 +125,17 @@ def test_scores_of_one_group_by_hand(fbms):
     assert_allclose((precision, recall), ((6 / 11 + 2) / 3, 1 / 3))
     assert_allclose(f_measure, 2 * precision * recall / (precision + recall))
     assert scores(clip, np.zeros(9, int), fbms_objects) == (0, 2)
+
+
+def test_a_group_elsewhere_takes_the_region_that_is_left(fbms):
+    """As in the benchmark's program, which counts groups by the largest label.
+
+    All tracks are of group 0 but one, which is in no labelled frame. One object is
+    matched with its group, precision 0 and recall 0, and the other has none, 1 and 0.
+    """
+    (clip,) = load_fbms59(fbms)
+    _, precision, recall, _ = scores(clip, [0] * 8 + [1])
+    assert_allclose((precision, recall), ((6 / 11 + 0 + 1) / 3, 1 / 3))
 
 
 def test_scores_of_tracks_without_a_group_by_hand(fbms):
@@ -233,7 +245,8 @@ def test_tracks_are_a_track_file(fbms):
     sequence = load_tracks(fbms / "Trainingset" / "cars9" / "Tracks4.dat")
     assert sequence.name == "Tracks4"
     assert_array_equal(sequence.data[2], [0, 3.4, 0, 3, NAN, NAN, NAN, NAN])
-    assert_array_equal(sequence.target, [0, 0, 0, 1, 1, 1, 2, 1, 1])
+    assert_array_equal(sequence.track_labels, [0, 0, 0, 1, 1, 1, 2, 1, 1])
+    assert sequence.target is None  # they are not the truth
 
 
 def test_tracks_of_a_scene_come_back(tmp_path):
@@ -242,7 +255,7 @@ def test_tracks_of_a_scene_come_back(tmp_path):
     write_tracks(path, X, y)
     sequence = load_tracks(path)
     assert_array_equal(sequence.data, X)
-    assert_array_equal(sequence.target, y)
+    assert_array_equal(sequence.track_labels, y)
 
 
 # ----------------------------------------------------------------- ComplexBackground

@@ -47,7 +47,7 @@ def load_tracks(path, *, layout=None, image_size=None, visible_above=None):
         an observation, frames counted from any number; or without a header, one row a
         track and two columns a frame, empty where unseen.
 
-        ``.dat``: text of the tracker of Brox, Malik and Ochs (MoSeg); their labels.
+        ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
         Order of the axes in a .npz file, where its names do not tell it or tell it
         wrong.
@@ -63,7 +63,8 @@ def load_tracks(path, *, layout=None, image_size=None, visible_above=None):
         (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
         without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
         thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
-        observations gives ``track_ids``, what it calls each row.
+        observations gives ``track_ids``, what it calls each row; a .dat gives
+        ``track_labels``, the motions that its writer found.
 
     Raises
     ------

@@ -31,8 +31,8 @@ def read_moseg_tracks(path, n_frames=None):
     Returns
     -------
     dict
-        ``data`` (n_tracks, 2 * n_frames); ``target`` (n_tracks,): the file's labels,
-        which are what its writer found, -1 if they are negative.
+        ``data`` (n_tracks, 2 * n_frames); ``track_labels`` (n_tracks,): what the file's
+        writer found, not the truth, and -1 if it is negative.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def read_moseg_tracks(path, n_frames=None):
     kept = np.bincount(track[inside], minlength=n_tracks) > 0
     return {
         "data": points[kept].reshape(kept.sum(), 2 * length),
-        "target": np.maximum(labels[kept], -1),
+        "track_labels": np.maximum(labels[kept], -1),
     }
 
 

@@ -51,8 +51,10 @@ def load_fbms59(folder, *, n_frames=10, tracks=None):
           ``mask_frames``: which these are, from 0;
         - the tracks' points in the labelled frames, to score labels of tracks by:
           ``point_track``, ``point_frame``, ``point_target`` (their region) and
-          ``point_weight`` (n_points,); and ``region_sizes`` (n_regions,): pixels,
-          weighted, of each region in all labelled frames.
+          ``point_weight`` (n_points,); last, for each track without such a point, one
+          of frame and region -1 and weight 0, so that its group is known of; and
+          ``region_sizes`` (n_regions,): pixels, weighted, of each region in all
+          labelled frames.
 
         Weights are 1, or less near the borders of regions, where the benchmark says so
         (a .pgm beside a .ppm mask, of 255ths).
@@ -192,6 +194,8 @@ def _load_sequence(home, masks, n_frames, tracks, part=""):
         raise ValueError(f"{path} is not a track file: {error}") from error
     points, seen = unpack_tracks(fields["data"])
     scales, images = masks
+    # The benchmark's program counts a mask of frame 10, too, in the area that tracks of
+    # the first ten frames, 0 to 9, may cover; they cannot.
     images = [(frame, image) for frame, image in images if frame < seen.shape[1]]
     if not images:
         raise ValueError(
@@ -205,7 +209,7 @@ def _load_sequence(home, masks, n_frames, tracks, part=""):
         name=name,
         set=part,
         data=fields["data"],
-        track_labels=fields["target"],
+        track_labels=fields["track_labels"],
         target=_regions_of_tracks(samples, len(points), n_regions),
         masks=regions,
         mask_frames=np.array(frames),
@@ -256,10 +260,13 @@ def _sample(points, seen, frames, regions, weights):
             (
                 track,
                 np.full(len(track), frame),
-                region[row, column],
+                region[row, column].astype(int),
                 weight[row, column],
             )
         )
+    elsewhere = np.setdiff1d(np.arange(len(points)), np.hstack([p[0] for p in parts]))
+    nowhere = np.full(len(elsewhere), -1)
+    parts.append((elsewhere, nowhere, nowhere, np.zeros(len(elsewhere))))
     names = ("point_track", "point_frame", "point_target", "point_weight")
     return {
         name: np.concatenate(part)
@@ -270,11 +277,8 @@ def _sample(points, seen, frames, regions, weights):
 def _regions_of_tracks(samples, n_tracks, n_regions):
     """The region with most weight under each track; -1 under which none was seen."""
     weight = np.zeros((n_tracks, n_regions))
-    np.add.at(
-        weight,
-        (samples["point_track"], samples["point_target"]),
-        samples["point_weight"],
-    )
+    place = samples["point_track"], samples["point_target"]
+    np.add.at(weight, place, samples["point_weight"])  # -1 has none
     return np.where(weight.any(axis=1), weight.argmax(axis=1), -1)
 
 
