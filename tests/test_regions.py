@@ -49,7 +49,7 @@ TRACKS = [
     (1, [(2.4, 2.4, 0), (2.9, 2, 1), (3.4, 2, 2)]),  # object a, object a
     (1, [(2.5, 1.0, 0), (3, 1, 1)]),  # pixel 3 is nearest: background; it ends
     (2, [(5, 0, 1), (5, 0, 2)]),  # object b; it comes late
-    (1, [(9, 9, 2), (9, 9, 3)]),  # outside the image
+    (1, [(-1e300, 9, 0), (9, 9, 1), (9, 9, 2)]),  # outside the image
     (1, [(5, 2, 3)]),  # in no labelled frame
 ]
 
@@ -150,10 +150,10 @@ def test_scores_of_tracks_without_a_group_by_hand(fbms):
 
 def test_the_first_frames_alone_are_read(fbms):
     (clip,) = load_fbms59(fbms, n_frames=2)
-    assert clip.data.shape == (7, 4)  # the last two tracks come later
+    assert clip.data.shape == (8, 4)  # the last track comes later
     assert_array_equal(clip.mask_frames, [0])
     assert_array_equal(clip.region_sizes, [20, 4, 0])
-    assert_array_equal(clip.target, [0, 0, 0, 1, 1, 0, -1])
+    assert_array_equal(clip.target, [0, 0, 0, 1, 1, 0, -1, -1])
     # Object b is not visible, and its group has no point: 4 background points are of
     # groups 0 (3) and 1 (1), those of a of group 1.
     density, precision, recall, _ = scores(clip, clip.track_labels)

@@ -252,10 +252,9 @@ def _sample(points, seen, frames, regions, weights):
     parts = []
     for frame, region, weight in zip(frames, regions, weights, strict=True):
         track = np.flatnonzero(seen[:, frame])
-        column, row = np.floor(points[track, frame] + 0.5).astype(int).T
-        height, width = region.shape
-        inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
-        track, row, column = track[inside], row[inside], column[inside]
+        pixel = np.floor(points[track, frame] + 0.5)  # (x, y)
+        inside = ((pixel >= 0) & (pixel < region.shape[::-1])).all(axis=1)
+        track, (column, row) = track[inside], pixel[inside].astype(int).T
         parts.append(
             (
                 track,
