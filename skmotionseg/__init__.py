@@ -2,6 +2,7 @@
 
 from ._core.tracks import pack_tracks, unpack_tracks
 from .cluster import MultiModelSpectralClustering
+from .export import save_motions, static_mask
 from .kernels import ORKKernel
 from .model_selection import NCREModelSelector, PerSequence
 from .sampling import HypothesisSampler
@@ -18,5 +19,7 @@ __all__ = [
     "PerSequence",
     "make_motion_pipeline",
     "pack_tracks",
+    "save_motions",
+    "static_mask",
     "unpack_tracks",
 ]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from joblib import Memory, Parallel, delayed
 
+from ._bench_regions import REGION_LOADERS, has_regions, measure_regions
 from .datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from .metrics import misclassification_error
 from .segmentation import ALL_MODELS, MotionSegmenter
@@ -17,6 +18,7 @@ LOADERS = {
     "Hopkins155": load_hopkins155,
     "Hopkins12": load_hopkins12,
     "MTPV62": load_mtpv62,
+    **REGION_LOADERS,
     "KT3DMoSeg": load_kt3dmoseg,
 }
 
@@ -103,6 +105,8 @@ def bench_sequence(dataset, sequence, methods, seed):
 
 
 def _measure(sequence, params, seed):
+    if has_regions(sequence):
+        return measure_regions(sequence, params, seed)
     X, y = sequence.data, sequence.target
     n_motions = len(np.unique(y[y >= 0]))
     known, unknown, from_2 = (

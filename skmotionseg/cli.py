@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from . import __version__
 from ._extras import require
+from ._writing import replacing
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
@@ -165,7 +164,7 @@ def _add_segment(commands):
     segment = commands.add_parser(
         "segment",
         help="segment a track file",
-        description="Segment the tracks of a .npz, .mat or .csv file.",
+        description="Segment the tracks of a .npz, .mat, .csv or .dat file.",
     )
     segment.add_argument("file", type=Path, metavar="FILE")
     segment.add_argument(
@@ -173,17 +172,20 @@ def _add_segment(commands):
     )
     segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
     segment.add_argument("--out", type=Path, help="labels: .npz or .csv")
+    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
     segment.add_argument("--render", type=Path, help="picture of the motions: .png")
     segment.set_defaults(run=_segment)
 
 
 def _segment(arguments):
     from .datasets import load_tracks
+    from .export import save_motions
     from .metrics import misclassification_error
     from .segmentation import MotionSegmenter
 
     _check_output(arguments.out, (".npz", ".csv"))
     _check_output(arguments.render, PICTURES)
+    _check_output(arguments.split_dir)
     sequence = load_tracks(arguments.file)
     console = require("rich.console", extra="cli").Console()
     with console.status("segmenting ..."):
@@ -204,8 +206,13 @@ def _segment(arguments):
         error = misclassification_error(sequence.target, labels)
         facts.append(("misclassification", f"{error:.2%}"))
     console.print(_facts_table(arguments.file.name, [*facts, *_stage_facts(segmenter)]))
+    track_ids = sequence.get("track_ids", np.arange(len(labels)))
+    if arguments.split_dir is not None:
+        files = save_motions(
+            arguments.split_dir, sequence.data, labels, track_ids=track_ids
+        )
+        console.print(f"motions: {len(files)} files in {arguments.split_dir}")
     if arguments.out is not None:
-        track_ids = sequence.get("track_ids", np.arange(len(labels)))
         _write_labels(arguments.out, sequence.data, labels, track_ids)
         console.print(f"labels: {arguments.out}", highlight=False)
     if arguments.render is not None:
@@ -224,21 +231,12 @@ def _check_output(path, endings=None):
 
 
 def _write_labels(path, X, labels, track_ids):
-    with _replacing(path) as file:
+    with replacing(path) as file:
         if path.suffix.lower() == ".npz":
             np.savez_compressed(file, X=X, labels=labels, track_ids=track_ids)
         else:
             table = np.column_stack([track_ids, labels])
             np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
-
-
-@contextmanager
-def _replacing(path):
-    """A binary file beside the target, put in its place once it is whole."""
-    part = path.with_name(path.name + ".part")
-    with part.open("wb") as file:
-        yield file
-    os.replace(part, path)
 
 
 def _draw_motions(X, labels, path):
@@ -278,6 +276,7 @@ def _add_bench(commands):
 
 def _run_bench(arguments):
     from ._bench import find_sequences, run, summarize
+    from ._bench_regions import summarize_regions
 
     console = require("rich.console", extra="cli").Console()
     _check_output(arguments.json)
@@ -294,11 +293,15 @@ def _run_bench(arguments):
         key=lambda r: (r["dataset"], r["method"], r["sequence"], r["seed"]),
     )
     if arguments.json is not None:
-        with _replacing(arguments.json) as file:
+        with replacing(arguments.json) as file:
             file.write(json.dumps(records, indent=1).encode())
-    summary = summarize(records)
-    for table in _bench_tables(summary, arguments.methods):
-        console.print(table)
+    counted = [record for record in records if "error_known" in record]
+    if counted:
+        for table in _bench_tables(summarize(counted), arguments.methods):
+            console.print(table)
+    regions = summarize_regions([r for r in records if "error_known" not in r])
+    for part in dict.fromkeys(key[:2] for key in regions):
+        console.print(_region_table(regions, part, arguments.methods))
 
 
 def _with_progress(items, total, description, console):
@@ -346,6 +349,34 @@ def _error_table(summary, dataset, methods):
         paper = PAPER[dataset].get(method, (None,) * len(figures))
         cells = zip(figures, paper, strict=True)
         table.add_row(method, *(_figure(*ours[name], theirs) for name, theirs in cells))
+    return table
+
+
+def _region_table(summary, part, methods):
+    """One set of sequences that are scored by regions: a row a method."""
+    from ._bench_regions import REGION_PAPER
+
+    first = summary[*part, methods[0]]
+    table = _figure_table(
+        f"{' '.join(part).strip()}: {first['n_sequences']} sequences, "
+        f"{first['n_seeds']} seeds; number of motions unknown; percent, ± over seeds "
+        "(the paper's figure)"
+    )
+    figures = ("density", "precision", "recall", "f_measure")
+    for title in ("density", "precision", "recall", "F"):
+        table.add_column(title, justify="right")
+    table.add_column(f"objects of {first['visible']}", justify="right")
+    table.add_column("seconds", justify="right")
+    for method in methods:
+        ours = summary[*part, method]
+        paper = REGION_PAPER[part].get(method, (None,) * len(figures))
+        cells = zip(figures, paper, strict=True)
+        table.add_row(
+            method,
+            *(_figure(*ours[name], theirs) for name, theirs in cells),
+            _figure(*ours["extracted"], None),
+            f"{ours['seconds']:.2f}",
+        )
     return table
 
 

@@ -83,7 +83,7 @@ def motion_count_accuracy(y_true, y_pred):
 
 
 class FBMSScores(NamedTuple):
-    """What :func:`fbms_scores` returns; all between 0 and 1."""
+    """What :func:`fbms_scores` returns."""
 
     density: float
     precision: float
@@ -91,12 +91,29 @@ class FBMSScores(NamedTuple):
     f_measure: float
 
 
-def fbms_scores(y_true, y_pred):
+class FBMSObjects(NamedTuple):
+    """What :func:`fbms_objects` returns."""
+
+    extracted: int
+    visible: int
+
+
+def fbms_scores(y_true, y_pred, *, sample_weight=None, region_sizes=None):
     """Density, precision, recall and F-measure of a labelling of points.
 
-    Found groups are matched one to one with true regions so that the sum of their
-    F-measures is largest. Precision is averaged over the found groups and recall over
-    the true regions; a group or region without a partner counts as 0.
+    As the program of the Freiburg-Berkeley benchmark computes them
+    (``MoSegEval_PR.cpp``, MoSegEval version 2.0), with the background as a region like
+    the others. With ``c_i`` the points of found group i, and ``g_j`` those of true
+    region j *that have a group*,
+
+    - ``P_ij = |c_i & g_j| / |c_i|``, ``R_ij = |c_i & g_j| / |g_j|``, and ``F_ij`` is
+      their harmonic mean;
+    - groups and regions are matched one to one so that the sum of ``F_ij`` is largest;
+    - precision and recall are the means over the *regions* of what they are matched
+      with. A region for which no group is left counts as precision 1 and recall 0; one
+      whose group has no point on it, as 0 and 0. Groups for which no region is left do
+      not count;
+    - the F-measure is the harmonic mean of the two means.
 
     Parameters
     ----------
@@ -104,43 +121,175 @@ def fbms_scores(y_true, y_pred):
         True region of each annotated point (a pixel, or a track in an annotated
         frame); negative values are not annotated.
     y_pred : array-like of int, shape (n_points,)
-        Group found for the point; negative values are points without a group.
+        Group found for the point; negative values are points without a group. A group
+        counts as one even if none of its points is annotated.
+    sample_weight : array-like of shape (n_points,), optional
+        What each point counts; 1 by default. Not negative.
+    region_sizes : array-like of shape (n_regions,), optional
+        Annotated pixels in each region, if they are more than the points given, as they
+        are of tracks: what the density is a share of, and which regions are visible.
+        By default the points given, with a group or without one.
 
     Returns
     -------
     FBMSScores
-        ``density`` is the share of annotated points that have a group; the F-measure
-        is the harmonic mean of precision and recall.
+        ``density`` is the mean over the visible regions of the share that has a group:
+        all of it 1, and more if several points lie on a pixel. The others are between
+        0 and 1.
 
     Raises
     ------
     ValueError
-        If the lengths differ, labels are not whole numbers, or no point is annotated.
+        If the lengths differ, labels are not whole numbers, no point is annotated, or
+        weights or sizes are negative or do not fit.
 
     References
     ----------
     P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term Video
-    Analysis", IEEE TPAMI 36(6), 2014, sec. 6.
+    Analysis", IEEE TPAMI 36(6), 2014, sec. 6; the program is that of the benchmark's
+    archive ``pami2013_MoSeg_eval``.
 
     Examples
     --------
     >>> from skmotionseg.metrics import fbms_scores
     >>> scores = fbms_scores([0, 0, 0, 0, 1, 1, 1, 1], [0, 0, 0, 1, 1, 1, 1, -1])
     >>> scores.density, scores.precision, scores.recall
-    (0.875, 0.875, 0.75)
+    (0.875, 0.875, 0.875)
     """
+    density, precision, recall = _match_regions(
+        y_true, y_pred, sample_weight, region_sizes
+    )
+    means = float(precision.mean()), float(recall.mean())
+    return FBMSScores(density, *means, float(_harmonic(*means)))
+
+
+def fbms_objects(
+    y_true, y_pred, *, sample_weight=None, region_sizes=None, threshold=0.75
+):
+    """How many of the true objects are found, as the Freiburg benchmark counts them.
+
+    Parameters
+    ----------
+    y_true, y_pred, sample_weight, region_sizes
+        As of :func:`fbms_scores`.
+    threshold : float, default=0.75
+        A region is found if the F-measure of its match is larger.
+
+    Returns
+    -------
+    FBMSObjects
+        Regions ``extracted`` and ``visible``, each less one for the background: which
+        region that is, is not asked, as it is not by the benchmark's program.
+
+    Raises
+    ------
+    ValueError
+        As from :func:`fbms_scores`.
+
+    Examples
+    --------
+    >>> from skmotionseg.metrics import fbms_objects
+    >>> fbms_objects([0, 0, 0, 1, 1, 2, 2], [0, 0, 0, 1, 1, 1, 1])
+    FBMSObjects(extracted=0, visible=2)
+    >>> fbms_objects([0, 0, 0, 1, 1, 2, 2], [0, 0, 0, 1, 1, 2, -1])
+    FBMSObjects(extracted=2, visible=2)
+    """
+    _, *pair = _match_regions(y_true, y_pred, sample_weight, region_sizes)
+    n_found = int((_harmonic(*pair) > threshold).sum())
+    return FBMSObjects(max(n_found - 1, 0), len(pair[0]) - 1)
+
+
+def fbms_mean(scores):
+    """Scores of a set of sequences, from those of each.
+
+    Parameters
+    ----------
+    scores : sequence of FBMSScores
+        As from :func:`fbms_scores`, one a sequence.
+
+    Returns
+    -------
+    FBMSScores
+        Mean density, precision and recall; the F-measure is the harmonic mean of those
+        two, as in the benchmark's program and in its tables, and not a mean of
+        F-measures.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+
+    Examples
+    --------
+    >>> from skmotionseg.metrics import fbms_mean, fbms_scores
+    >>> perfect = fbms_scores([0, 0, 1, 1], [0, 0, 1, 1])
+    >>> merged = fbms_scores([0, 0, 1, 1], [0, 0, 0, 0])
+    >>> fbms_mean([perfect, merged]).precision
+    0.875
+    """
+    if len(scores) == 0:
+        raise ValueError("a mean needs the scores of one sequence at least; got none")
+    density, precision, recall = np.mean([score[:3] for score in scores], axis=0)
+    f_measure = _harmonic(precision, recall)
+    return FBMSScores(*map(float, (density, precision, recall, f_measure)))
+
+
+# A region with less than this (in weighted pixels) is not visible, says the program.
+VISIBLE = 1e-4
+
+
+def _match_regions(y_true, y_pred, sample_weight, region_sizes):
+    """Density, and the precision and recall of each visible region's match."""
+    y_true, y_pred = _as_labels(y_true, "y_true"), _as_labels(y_pred, "y_pred")
+    groups = np.unique(y_pred[y_pred >= 0])
+    weight = _as_sizes(sample_weight, "sample_weight", np.ones(len(y_true)))
+    if len(weight) != len(y_true):
+        raise ValueError(
+            f"sample_weight needs a weight a point; got {len(weight)} for "
+            f"{len(y_true)} points"
+        )
+    weight = weight[y_true >= 0]
     y_true, y_pred = _judged(y_true, y_pred)
-    density = float(np.mean(y_pred >= 0))
-    overlap = _contingency(y_true, y_pred)  # (n_regions, n_groups)
-    if overlap.shape[1] == 0:
-        return FBMSScores(density, 0.0, 0.0, 0.0)
-    precision = overlap / overlap.sum(axis=0)
-    recall = overlap / np.bincount(np.unique(y_true, return_inverse=True)[1])[:, None]
-    match = linear_sum_assignment(-_harmonic(precision, recall))
-    mean_precision = float(precision[match].sum() / overlap.shape[1])
-    mean_recall = float(recall[match].sum() / overlap.shape[0])
-    f_measure = float(_harmonic(mean_precision, mean_recall))
-    return FBMSScores(density, mean_precision, mean_recall, f_measure)
+    if region_sizes is None:
+        _, y_true = np.unique(y_true, return_inverse=True)
+        sizes = np.bincount(y_true, weight)
+    else:
+        sizes = _as_sizes(region_sizes, "region_sizes", None)
+    if y_true.max() >= len(sizes):
+        raise ValueError(
+            f"region_sizes must have a size for each region; got {len(sizes)} for "
+            f"region {y_true.max()}"
+        )
+    overlap = np.zeros((len(sizes), len(groups)))
+    placed = y_pred >= 0
+    columns = np.searchsorted(groups, y_pred[placed])
+    np.add.at(overlap, (y_true[placed], columns), weight[placed])
+    visible = sizes > VISIBLE
+    if not visible.any():
+        raise ValueError("no region is visible: all have size or weight 0")
+    group_sizes = overlap.sum(axis=0)
+    overlap, sizes = overlap[visible], sizes[visible]
+    covered = overlap.sum(axis=1)
+    all_precision = _share(overlap, group_sizes)
+    all_recall = _share(overlap, covered[:, None])
+    match = linear_sum_assignment(-_harmonic(all_precision, all_recall))
+    precision, recall = np.ones(len(sizes)), np.zeros(len(sizes))
+    precision[match[0]], recall[match[0]] = all_precision[match], all_recall[match]
+    return float(np.mean(covered / sizes)), precision, recall
+
+
+def _share(part, whole):
+    whole = np.broadcast_to(whole, part.shape)
+    return np.divide(part, whole, out=np.zeros_like(part), where=whole > 0)
+
+
+def _as_sizes(values, name, default):
+    values = default if values is None else np.asarray(values, dtype=float)
+    if values.ndim != 1 or not (np.isfinite(values) & (values >= 0)).all():
+        raise ValueError(
+            f"{name} must be a list of numbers of 0 or more; got shape {values.shape}"
+        )
+    return values
 
 
 def _harmonic(a, b):

@@ -10,13 +10,18 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
+from moseg_files import write_definition, write_tracks
 from numpy.testing import assert_array_equal
 from test_datasets import write_struct
 
 from skmotionseg import MotionSegmenter, __version__, _bench, unpack_tracks
 from skmotionseg.cli import main
-from skmotionseg.datasets import load_tracks, make_rigid_motions
-from skmotionseg.metrics import misclassification_error
+from skmotionseg.datasets import load_fbms59, load_tracks, make_rigid_motions
+from skmotionseg.metrics import (
+    fbms_objects,
+    fbms_scores,
+    misclassification_error,
+)
 
 PNG = b"\x89PNG\r\n\x1a\n"
 METHODS = ("affine", "homography", "fundamental", "kernel_addition", "coreg", "subset")
@@ -150,6 +155,22 @@ def test_segment_reads_csv_and_draws(run, scene, tmp_path):
     assert facts(printed)["unseen"] == f"{np.isnan(X).mean():.1%}"
     assert path.read_text().startswith("track,label\n")  # written over its input
     assert picture.read_bytes().startswith(PNG)
+
+
+def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
+    X, _ = scene
+    folder = tmp_path / "motions"
+    options = ("--motions", 3, "--split-dir", folder)
+    code, printed, errors = run("segment", scene_file, *options)
+    assert (code, errors) == (0, "")
+    assert f"motions: 3 files in {folder}" in " ".join(printed.split())
+    expected = MotionSegmenter(3, random_state=0).fit_predict(X)
+    for motion in range(3):
+        clip = load_tracks(folder / f"motion_{motion}.npz")
+        assert_array_equal(clip.data, X[expected == motion])
+    code, _, errors = run("segment", scene_file, "--motions", 2, "--split-dir", folder)
+    assert code == 2
+    assert "motion_2.npz of another segmentation" in errors
 
 
 def test_segment_chooses_the_count_by_default(run, scene_file):
@@ -290,6 +311,74 @@ def test_bench_takes_what_it_finds_and_knows(run, benchmarks, monkeypatch):
         assert dataset not in printed
 
 
+@pytest.fixture
+def fbms(tmp_path):
+    """Two small sequences of FBMS-59, one of each set: points of regions, each."""
+    for part, seed in (("Trainingset", 0), ("Testset", 1)):
+        X, y = make_rigid_motions(80, 10, 2, missing=0, random_state=seed)
+        home = tmp_path / "FBMS59" / part / f"scene{seed}"
+        masks = {}
+        for frame in (0, 9):
+            image = np.zeros((720, 1280))
+            column, row = np.floor(X[:, 2 * frame : 2 * frame + 2].T + 0.5).astype(int)
+            inside = (row >= 0) & (row < 720) & (column >= 0) & (column < 1280)
+            image[row[inside], column[inside]] = y[inside]
+            masks[frame] = (f"{frame:04}_gt.pgm", image)
+        write_definition(home, [0, 1], 10, masks)
+        write_tracks(home / "Tracks10.dat", X, y)
+    return tmp_path
+
+
+def test_bench_scores_regions(run, fbms, tmp_path):
+    out = tmp_path / "records.json"
+    methods = ("--methods", "homography", "default", "--seeds", 2)
+    bench = ("bench", "--data", fbms, "--jobs", 1, *methods, "--json", out)
+    code, printed, errors = run(*bench, "--datasets", "FBMS59")
+    assert (code, errors) == (0, "")
+    for part in ("Trainingset", "Testset"):
+        title = rf"FBMS59 {part}: 1 sequences, 2 seeds; number of motions unknown"
+        assert len(re.findall(title, " ".join(printed.split()))) == 1
+    assert "mean seconds" not in printed  # with the number of motions known
+    records = json.loads(out.read_text())
+    assert len(records) == 8
+    for record in records:
+        clip = next(c for c in load_fbms59(fbms / "FBMS59") if c.set == record["set"])
+        assert clip.name == record["sequence"]
+        params = _bench.METHODS[record["method"]]
+        found = MotionSegmenter(random_state=record["seed"], **params).fit(clip.data)
+        points = (clip.point_target, found.labels_[clip.point_track])
+        given = {"sample_weight": clip.point_weight, "region_sizes": clip.region_sizes}
+        scores = fbms_scores(*points, **given)
+        assert tuple(record[name] for name in scores._fields) == pytest.approx(scores)
+        assert record["visible"] == fbms_objects(*points, **given).visible == 1
+    table, _ = printed.split("FBMS59 Testset")
+    for name, column in (("density", 0), ("precision", 1), ("recall", 2)):
+        figures = [
+            100 * record[name]
+            for record in records
+            if record["set"] == "Trainingset" and record["method"] == "default"
+        ]
+        row = next(line for line in table.splitlines() if "│ default " in line)
+        cells = row.strip("│").split("│")
+        assert cells[column + 1].strip() == f"{np.mean(figures):.2f}"
+
+
+def test_bench_prints_the_papers_scores_of_regions(run, fbms, monkeypatch):
+    monkeypatch.setattr("skmotionseg._bench_regions.MotionSegmenter", LargestMotionOnly)
+    _, printed, _ = run("bench", "--data", fbms, "--seeds", 1, "--jobs", 1)
+    for figure in (
+        "0.89",
+        "90.35",
+        "73.57",
+        "81.10",
+        "0.90",
+        "84.41",
+        "72.87",
+        "78.22",
+    ):
+        assert f"({figure})" in printed
+
+
 def test_the_papers_methods_are_the_papers():
     """All but the default choose the count as the paper does."""
     assert set(_bench.METHODS) == {*METHODS, "default"}
@@ -315,6 +404,7 @@ ERRORS = {
     "segment {scene} --render motions.txt": "end in .* got motions.txt",
     "segment {scene} --out nowhere/labels.npz": "nowhere",
     "segment {scene} --render nowhere/motions.png": "nowhere",
+    "segment {scene} --split-dir nowhere/motions": "nowhere",
     "demo --out nowhere/demo.png": "nowhere",
     "demo --out demo.txt": "end in .* got demo.txt",
     f"{BENCH} nowhere": "none of the folders Hopkins155, .* KT3DMoSeg is in nowhere",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import scipy.io
@@ -235,6 +237,126 @@ def test_npz_of_tracks(tracks, tmp_path):
     assert_array_equal(loaded.data, X)
     assert_array_equal(loaded.target, LABELS)
     assert loaded.target.dtype.kind == "i"
+
+
+def logit(visibility):
+    return np.where(visibility, 6.0, -6.0).astype(np.float32)
+
+
+# By name: the arrays of a file, made of points and visibility with tracks first.
+TRACKER_FILES = {
+    "CoTracker": lambda p, v: {
+        "pred_tracks": p.swapaxes(0, 1)[None],
+        "pred_visibility": v.T[None],
+    },
+    "CoTracker, no batch": lambda p, v: {
+        "pred_tracks": p.swapaxes(0, 1),
+        "pred_visibility": v.T.astype(np.float32)[..., None],
+    },
+    "TAPIR": lambda p, v: {"tracks": p, "visibles": v},
+    "TAPIR, occluded": lambda p, v: {"tracks": p[None], "occluded": ~v[None]},
+    "TAPIR, logits": lambda p, v: {"tracks": p[None], "occlusion": -logit(v)[None]},
+    "TAPIR, both logits": lambda p, v: {
+        "tracks": p,
+        "occlusion": -logit(v | (np.arange(4) % 2 == 0)),
+        "expected_dist": -logit(v | (np.arange(4) % 2 == 1)),
+    },
+    "TAP-Vid": lambda p, v: {
+        "points": p / [640, 512],
+        "occluded": ~v,
+        "video": np.zeros((4, 512, 640, 3), np.uint8),
+    },
+    "TAP-Vid, in pixels": lambda p, v: {"points": p[None], "occluded": ~v[None]},
+    "with a layout": lambda p, v: {"points": p[None], "visibility": v[None]},
+}
+
+
+@pytest.mark.parametrize("tracker", TRACKER_FILES)
+def test_npz_of_trackers(tracks, tracker, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, **TRACKER_FILES[tracker](points, visibility), labels=LABELS)
+    given = {"layout": "tracks_first"} if tracker == "with a layout" else {}
+    loaded = load_tracks(path, **given)
+    assert_allclose(loaded.data, X)
+    assert_array_equal(loaded.target, LABELS)
+
+
+def test_both_logits_of_tapir_count_as_its_authors_have_it(tmp_path):
+    """(1 - sigmoid(occlusion)) (1 - sigmoid(expected_dist)) > 0.5"""
+    path = tmp_path / "clip.npz"
+    occlusion, expected_dist = np.array([[-0.9, -0.8, -9.0], [-0.9, -0.8, 0.1]])[
+        :, None
+    ]
+    arrays = {"tracks": np.ones((1, 3, 2)), "occlusion": occlusion}
+    np.savez(path, **arrays, expected_dist=expected_dist)
+    seen = unpack_tracks(load_tracks(path).data)[1]
+    assert_array_equal(seen, [[True, False, False]])  # 0.5055, 0.4755, 0.4749
+    np.savez(path, **arrays)
+    assert unpack_tracks(load_tracks(path).data)[1].all()
+    seen = unpack_tracks(load_tracks(path, visible_above=0.7).data)[1]
+    assert_array_equal(seen, [[True, False, True]])  # 0.711, 0.690, 1.000
+
+
+def test_names_that_do_not_tell_the_layout(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, tracks=points.swapaxes(0, 1), visibility=visibility.T)
+    with pytest.raises(ValueError, match=r"'tracks' of shape \(4, 5, 2\).*say layout="):
+        load_tracks(path)
+    assert_array_equal(load_tracks(path, layout="frames_first").data, X)
+
+
+def test_probabilities_in_a_file(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    probability = np.where(visibility, 0.95, 0.85).T
+    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=probability)
+    with pytest.raises(ValueError, match="visible_above"):
+        load_tracks(path)
+    assert_array_equal(load_tracks(path, visible_above=0.9).data, X)
+
+
+def test_shares_of_an_image_of_unknown_size(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, points=points / [640, 512], occluded=~visibility)
+    with pytest.raises(ValueError, match=r"in \[0, 1\].*image_size=\(width, height\)"):
+        load_tracks(path)
+    assert_allclose(load_tracks(path, image_size=(640, 512)).data, X)
+    with pytest.raises(ValueError, match="image_size must be width and height"):
+        load_tracks(path, image_size=(640,))
+    np.savez(path, points=points, visibility=visibility)
+    with pytest.raises(ValueError, match="image_size is for points that are shares"):
+        load_tracks(path, image_size=(640, 512))
+
+
+def test_the_video_of_a_file_is_not_read(tracks, tmp_path):
+    """Zeros are small in a file and large in memory."""
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    video = np.zeros((4, 512, 640, 3), np.uint8)
+    arrays = {"points": points / [640, 512], "occluded": ~visibility, "video": video}
+    np.savez_compressed(path, **arrays)
+    tracemalloc.start()
+    assert_allclose(load_tracks(path).data, X)
+    assert tracemalloc.get_traced_memory()[1] < video.nbytes / 2
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("ending", ["pkl", "pickle", "pt", "PTH"])
+def test_pickles_are_not_read(ending, tmp_path):
+    path = tmp_path / f"tapvid_davis.{ending}"
+    path.write_bytes(b"cos\nsystem\n(S'exit 1'\ntR.")
+    with pytest.raises(ValueError, match=r"is a pickle, .*numpy.savez"):
+        load_tracks(path)
+
+
+def test_options_of_npz_are_of_npz(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("0,0,1,1\n")
+    with pytest.raises(ValueError, match=r"layout is for .npz files; got 'clip.csv'"):
+        load_tracks(path, layout="frames_first")
 
 
 def cell(number):

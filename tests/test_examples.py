@@ -7,7 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from skmotionseg import unpack_tracks
+from skmotionseg.datasets import load_tracks, make_rigid_motions
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
@@ -59,3 +63,40 @@ def test_sweep_finds_one_setting_for_many_sequences(sweep):
     )
     assert "." * 12 in many  # one a fold and setting
     assert re.search(r"^on the others: error \S+%$", many, flags=re.M)
+
+
+# --------------------------------------------------------------------- point trackers
+
+
+def example(name):
+    (path,) = (path for path in EXAMPLES if path.stem == name)
+    return path
+
+
+@pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
+def test_files_of_trackers_are_segmented(tracker):
+    printed = run(example(tracker))
+    assert "200 tracks in 12 frames" in printed
+    sizes = [int(n) for n in re.findall(r"^motion \d: (\d+) tracks$", printed, re.M)]
+    assert len(sizes) == 3
+    assert sum(sizes) == 200
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_the_tracks_of_cotracker_come_back_by_motion(tmp_path):
+    printed = run(example("cotracker"), "--out", str(tmp_path / "motions"))
+    written = re.findall(r"^wrote (.*)$", printed, flags=re.M)
+    assert [Path(path).name for path in written] == [
+        f"motion_{m}.npz" for m in range(3)
+    ]
+    sizes = [len(load_tracks(path).data) for path in written]
+    assert sizes == [int(n) for n in re.findall(r"motion \d: (\d+)", printed)]
+
+
+def test_a_file_of_ones_own(tmp_path):
+    """Of CoTracker's names, written by someone else."""
+    X, _ = make_rigid_motions(90, 7, 2, missing=0, random_state=1)
+    points, visibility = unpack_tracks(X)
+    path = tmp_path / "mine.npz"
+    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
+    assert "90 tracks in 7 frames" in run(example("cotracker"), str(path))

@@ -19,7 +19,7 @@ from skmotionseg import _core, cli, datasets, metrics, plotting
 
 PACKAGE = Path(skmotionseg.__file__).parent
 CORE_FILES = sorted((PACKAGE / "_core").glob("*.py"))
-EXTRAS = ("matplotlib", "rich", "pandas", "cv2", "dask", "skimage")
+EXTRAS = ("matplotlib", "PIL", "rich", "pandas", "cv2", "dask", "skimage")
 
 
 def functions_of(module):
@@ -82,9 +82,13 @@ def test_the_contract():
         "PerSequence",
         "make_motion_pipeline",
         "pack_tracks",
+        "save_motions",
+        "static_mask",
         "unpack_tracks",
     }
     assert set(datasets.__all__) == {
+        "load_complex_background",
+        "load_fbms59",
         "load_hopkins12",
         "load_hopkins155",
         "load_kt3dmoseg",
@@ -93,6 +97,8 @@ def test_the_contract():
         "make_rigid_motions",
     }
     assert functions_of(metrics) == {
+        "fbms_mean",
+        "fbms_objects",
         "fbms_scores",
         "misclassification_error",
         "motion_count_accuracy",
@@ -260,10 +266,10 @@ def test_leaves_import_nothing_of_the_package(file):
     assert not [name for level, name in imports(PACKAGE / file) if level]
 
 
-def test_data_sets_import_nothing_but_the_core():
+def test_data_sets_import_nothing_but_the_core_and_extras():
     for path in (PACKAGE / "datasets").glob("*.py"):
         for level, name in imports(path):
-            assert level < 2 or name.startswith("_core"), path
+            assert level < 2 or name.startswith(("_core", "_extras")), path
 
 
 def test_the_core_is_found():

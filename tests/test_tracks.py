@@ -98,10 +98,16 @@ def test_packing_and_unpacking_leave_their_input_alone(rng):
     assert np.nanmax(X) > 0
 
 
-def test_infinite_points_are_unseen_once_packed():
-    points, visibility = unpack_tracks([[1.0, 2.0, INF, 4.0]])
-    assert_array_equal(visibility, [[True, False]])
-    assert_array_equal(points, [[[1, 2], [NAN, NAN]]])
+@pytest.mark.parametrize("number", [INF, -INF])
+def test_infinite_tracks_are_an_error(number):
+    with pytest.raises(ValueError, match=r"finite where they are seen.*1 infinite"):
+        unpack_tracks([[1.0, 2.0, number, 4.0]])
+
+
+@pytest.mark.parametrize("X", [[["a", "b"]], [["1.5", "2"]], [[1j, 2]], [[None, {}]]])
+def test_tracks_that_are_no_numbers_are_an_error(X):
+    with pytest.raises(TypeError, match="tracks must be real numbers; got dtype"):
+        unpack_tracks(X)
 
 
 def test_infinite_points_that_are_seen_are_an_error():
@@ -131,6 +137,134 @@ def test_visibility_of_other_values_is_an_error(visibility):
 def test_points_that_are_no_numbers_are_an_error(points):
     with pytest.raises(TypeError, match="points must be real numbers"):
         pack_tracks(points)
+
+
+# ------------------------------------------------------- what point trackers give
+
+
+@pytest.mark.parametrize("dtype", [float, np.float32, int, np.uint8])
+def test_masked_points_are_unseen(dtype):
+    values = np.array([[[1, 2], [3, 4], [5, 6]]], dtype=dtype)
+    mask = np.array([[[False, False], [True, True], [False, True]]])
+    points = np.ma.array(values, mask=mask)
+    expected = [[1, 2, NAN, NAN, NAN, NAN]]
+    assert_array_equal(pack_tracks(points), expected)
+    assert_array_equal(pack_tracks(list(points)), expected)
+    packed, seen = unpack_tracks(points.reshape(1, 6))
+    assert_array_equal(seen, [[True, False, False]])
+    assert_array_equal(packed.reshape(1, 6), expected)
+    assert_array_equal(points.data, values)
+    assert_array_equal(points.mask, mask)
+
+
+def test_masked_numbers_can_be_anything():
+    points = np.ma.masked_invalid([[[1.0, 2.0], [INF, NAN]]])
+    assert_array_equal(pack_tracks(points), [[1, 2, NAN, NAN]])
+
+
+@pytest.mark.parametrize("values", [[[True, True]], [[1, 1]]])
+def test_masked_visibility_is_unseen(values):
+    visibility = np.ma.array(values, mask=[[False, True]])
+    X = pack_tracks([[[1.0, 2.0], [3.0, 4.0]]], visibility)
+    assert_array_equal(X, [[1, 2, NAN, NAN]])
+
+
+class Tensor:
+    """What of a tensor on another device, with a gradient, a conversion needs."""
+
+    def __init__(self, values):
+        self.values = np.asarray(values)
+
+    def __array__(self, dtype=None, copy=None):
+        raise TypeError("can't convert cuda:0 device type tensor to numpy")
+
+    def detach(self):
+        return self
+
+    cpu = detach
+
+    def numpy(self):
+        return self.values
+
+
+@pytest.mark.parametrize("wrap", [np.asarray, Tensor])
+@pytest.mark.parametrize("batch", [False, True])
+@pytest.mark.parametrize("kind", [bool, float, np.uint8])
+@pytest.mark.parametrize("last_axis", [False, True])
+def test_frames_first(rng, wrap, batch, kind, last_axis):
+    """CoTracker's (1, n_frames, n_tracks, 2), and its visibility, in one call."""
+    points, visibility = random_tracks(rng)
+    pred_tracks = points.swapaxes(0, 1)
+    pred_visibility = visibility.T.astype(kind)
+    if batch:
+        pred_tracks, pred_visibility = pred_tracks[None], pred_visibility[None]
+    if last_axis:
+        pred_visibility = pred_visibility[..., None]
+    X = pack_tracks(wrap(pred_tracks), wrap(pred_visibility), layout="frames_first")
+    assert_array_equal(X, pack_tracks(points, visibility))
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_tracks_first(rng, batch):
+    """TAPIR's ([1, ]n_tracks, n_frames, 2)."""
+    points, visibility = random_tracks(rng)
+    tracks, visibles = (
+        (points[None], visibility[None]) if batch else (points, visibility)
+    )
+    X = pack_tracks(tracks, visibles, layout="tracks_first")
+    assert_array_equal(X, pack_tracks(points, visibility))
+    assert_array_equal(pack_tracks(tracks, visibility, layout="tracks_first"), X)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (5, 1)])
+def test_axes_of_length_one_are_not_taken_for_a_batch(rng, shape):
+    points, visibility = random_tracks(rng, *shape)
+    X = pack_tracks(points, visibility)
+    assert X.shape == (shape[0], 2 * shape[1])
+    args = points.swapaxes(0, 1)[None], visibility.T[None]
+    assert_array_equal(pack_tracks(*args, layout="frames_first"), X)
+
+
+def test_probabilities_are_seen_above_a_number():
+    points, probability = np.ones((1, 4, 2)), [[0.2, 0.5, 0.51, 1.0]]
+    X = pack_tracks(points, probability, visible_above=0.5)
+    assert_array_equal(np.isnan(X[0, ::2]), [True, True, False, False])
+    X = pack_tracks(points, np.ma.masked_greater(probability, 0.9), visible_above=0.5)
+    assert_array_equal(np.isnan(X[0, ::2]), [True, True, False, True])
+    with pytest.raises(ValueError, match=r"0 or 1; .*visible_above=0.5"):
+        pack_tracks(points, probability)
+    with pytest.raises(ValueError, match="numbers throughout; got NaN"):
+        pack_tracks(points, [[0.2, 0.5, NAN, 1.0]], visible_above=0.5)
+    with pytest.raises(ValueError, match="got no visibility"):
+        pack_tracks(points, visible_above=0.5)
+
+
+@pytest.mark.parametrize("layout", [None, "tracks_first", "frames_first"])
+def test_a_batch_of_videos_is_an_error(layout):
+    words = r"got \(2, 3, 4, 2\), a batch of 2 videos: pack one at a time"
+    with pytest.raises(ValueError, match=words):
+        pack_tracks(np.zeros((2, 3, 4, 2)), layout=layout)
+
+
+def test_a_batch_does_not_tell_its_layout():
+    words = r"shape \(1, 3, 4, 2\) .* TAPIR .* CoTracker .* layout=\"frames_first\""
+    with pytest.raises(ValueError, match=words):
+        pack_tracks(np.zeros((1, 3, 4, 2)))
+
+
+def test_other_layouts_are_an_error():
+    with pytest.raises(ValueError, match=r"layout must be one of .*; got 'btnc'"):
+        pack_tracks(np.zeros((3, 4, 2)), layout="btnc")
+
+
+@pytest.mark.parametrize("layout", ["tracks_first", "frames_first"])
+def test_visibility_the_other_way_round_is_an_error(layout):
+    words = r"= \(3, 4\); got \(4, 3\): one has tracks first, the other frames first"
+    with pytest.raises(ValueError, match=words):
+        pack_tracks(np.zeros((3, 4, 2)), np.ones((4, 3)), layout=layout)
+
+
+# ------------------------------------------------------------------------- bad tracks
 
 
 def test_an_odd_number_of_columns_is_an_error():

@@ -9,16 +9,33 @@ import numpy as np
 ROUNDING = 1e-12
 
 
-def pack_tracks(points, visibility=None):
+LAYOUTS = ("tracks_first", "frames_first")
+AXES = {
+    "tracks_first": "(n_tracks, n_frames)",
+    "frames_first": "(n_frames, n_tracks)",
+}
+
+
+def pack_tracks(points, visibility=None, *, layout=None, visible_above=None):
     """Put point tracks into the two-columns-a-frame matrix the estimators take.
 
     Parameters
     ----------
     points : array-like of shape (n_tracks, n_frames, 2)
         Pixel coordinates (x, y). Where a point was not seen, any value will do
-        as long as ``visibility`` says so; NaN needs no ``visibility``.
-    visibility : array-like of bool, shape (n_tracks, n_frames), optional
-        True where the point was seen.
+        as long as ``visibility`` says so; NaN needs no ``visibility``, nor do the
+        masked entries of a masked array. A leading batch axis of one video is
+        dropped. Tensors of PyTorch are taken from any device.
+    visibility : array-like of shape (n_tracks, n_frames), optional
+        True (or 1) where the point was seen. May have the batch axis, and a last axis
+        of length 1.
+    layout : {"tracks_first", "frames_first"}, optional
+        Whether the axes of ``points`` and ``visibility`` are tracks, then frames (as
+        TAPIR has them), or frames, then tracks (as CoTracker has them). Three axes are
+        taken as "tracks_first" if nothing is said; with a batch axis it must be said.
+    visible_above : float, optional
+        Needed if ``visibility`` holds probabilities: a point with a larger one was
+        seen.
 
     Returns
     -------
@@ -28,8 +45,11 @@ def pack_tracks(points, visibility=None):
 
     Raises
     ------
+    TypeError
+        If ``points`` are not real numbers.
     ValueError
-        If the shapes do not fit, or a point marked as seen is infinite.
+        If the shapes do not fit, there is more than one video in the batch, or a point
+        marked as seen is infinite.
 
     Examples
     --------
@@ -38,18 +58,35 @@ def pack_tracks(points, visibility=None):
     >>> points = np.array([[[1.0, 2.0], [3.0, 4.0]]])
     >>> pack_tracks(points, visibility=[[True, False]])
     array([[ 1.,  2., nan, nan]])
+
+    What CoTracker returns, ``pred_tracks`` (1, n_frames, n_tracks, 2) and
+    ``pred_visibility`` (1, n_frames, n_tracks):
+
+    >>> pred_tracks, pred_visibility = np.ones((1, 5, 3, 2)), np.ones((1, 5, 3), bool)
+    >>> pack_tracks(pred_tracks, pred_visibility, layout="frames_first").shape
+    (3, 10)
+
+    What TAPIR returns, ``tracks`` (1, n_tracks, n_frames, 2) and the logits
+    ``occlusion`` and ``expected_dist``, seen as its authors have it:
+
+    >>> from scipy.special import expit
+    >>> tracks = np.ones((1, 3, 5, 2))
+    >>> occlusion = expected_dist = np.full((1, 3, 5), -9.0)
+    >>> seen = expit(-occlusion) * expit(-expected_dist)
+    >>> pack_tracks(tracks, seen, layout="tracks_first", visible_above=0.5).shape
+    (3, 10)
     """
-    points = np.asarray(points)
-    if points.dtype.kind not in "fiub":
-        raise TypeError(f"points must be real numbers; got dtype {points.dtype}")
-    if points.ndim != 3 or points.shape[2] != 2:
-        raise ValueError(
-            f"points must have shape (n_tracks, n_frames, 2); got {points.shape}"
-        )
-    points = points.astype(np.result_type(points.dtype, np.float32), copy=True)
+    if layout is not None and layout not in LAYOUTS:
+        raise ValueError(f"layout must be one of {LAYOUTS}; got {layout!r}")
+    if visible_above is not None and visibility is None:
+        raise ValueError("visible_above is about visibility; got no visibility")
+    points = _drop_batch(_as_numbers(points, "points"), layout)
+    layout = layout or "tracks_first"
     if visibility is not None:
-        visibility = _as_visibility(visibility, points.shape[:2])
+        visibility = _as_visibility(visibility, points.shape[:2], layout, visible_above)
         points[~visibility] = np.nan
+    if layout == "frames_first":
+        points = points.swapaxes(0, 1)
     if np.isinf(points).any():
         raise ValueError(
             "points must be finite where they are seen and NaN where they are not; "
@@ -59,21 +96,82 @@ def pack_tracks(points, visibility=None):
     return points.reshape(len(points), 2 * points.shape[1])
 
 
-def _as_visibility(visibility, shape):
-    visibility = np.asarray(visibility)
-    if visibility.shape != shape:
+def _as_numbers(values, name):
+    """A floating-point copy, NaN where a masked array is masked."""
+    values = _as_array(values)
+    if values.dtype.kind not in "fiub":
+        raise TypeError(f"{name} must be real numbers; got dtype {values.dtype}")
+    numbers = np.array(values, dtype=np.result_type(values.dtype, np.float32))
+    numbers[np.ma.getmaskarray(values)] = np.nan
+    return numbers
+
+
+def _as_array(values):
+    """An array, its mask kept, of a list, a masked array or a tensor of PyTorch."""
+    if hasattr(values, "detach"):  # on another device, or with a gradient
+        values = values.detach().cpu().numpy()
+    if isinstance(values, list | tuple) and any(map(np.ma.isMaskedArray, values)):
+        return np.ma.stack(values)
+    return values if np.ma.isMaskedArray(values) else np.asarray(values)
+
+
+def _drop_batch(points, layout):
+    """Points of three axes, of the one video there is."""
+    axes = AXES[layout or "tracks_first"][:-1] + ", 2)"
+    if points.ndim not in (3, 4) or points.shape[-1] != 2:
+        raise ValueError(f"points must have shape {axes}; got {points.shape}")
+    if points.ndim == 3:
+        return points
+    if len(points) != 1:
         raise ValueError(
-            f"visibility must have shape (n_tracks, n_frames) = {shape}; "
-            f"got {visibility.shape}"
+            f"points must have shape {axes}; got {points.shape}, a batch of "
+            f"{len(points)} videos: pack one at a time"
         )
-    if visibility.dtype.kind == "b":
-        return visibility
-    if visibility.dtype.kind not in "iuf" or not np.isin(visibility, (0, 1)).all():
+    if layout is None:
+        raise ValueError(
+            f"points of shape {points.shape} are of one video, with tracks first (as "
+            "TAPIR has them) or frames first (as CoTracker has them): say "
+            'layout="tracks_first" or layout="frames_first"'
+        )
+    return points[0]
+
+
+def _as_visibility(visibility, shape, layout, visible_above):
+    visibility = _as_array(visibility)
+    visibility = _fit_axes(visibility, shape, layout)
+    seen = ~np.ma.getmaskarray(visibility)
+    visibility = np.ma.getdata(visibility)
+    kind = visibility.dtype.kind
+    if kind == "b":
+        return visibility & seen
+    if kind in "iuf" and visible_above is not None:
+        if np.isnan(visibility[seen]).any():
+            raise ValueError("visibility must be numbers throughout; got NaN")
+        return (visibility > visible_above) & seen
+    if kind not in "iuf" or not np.isin(visibility[seen], (0, 1)).all():
         raise ValueError(
             "visibility must be boolean, or numbers that are 0 or 1; "
-            f"got dtype {visibility.dtype} with other values"
+            f"got dtype {visibility.dtype} with other values (of probabilities, say "
+            "which are seen, as in visible_above=0.5)"
         )
-    return visibility.astype(bool)
+    return (visibility == 1) & seen
+
+
+def _fit_axes(visibility, shape, layout):
+    """Visibility of that shape, without the axes of length 1 around it."""
+    inner = visibility
+    if inner.ndim > 2 and inner.shape != shape and inner.shape[0] == 1:
+        inner = inner[0]
+    if inner.ndim > 2 and inner.shape[-1] == 1:
+        inner = inner[..., 0]
+    if inner.shape == shape:
+        return inner
+    message = (
+        f"visibility must have shape {AXES[layout]} = {shape}; got {visibility.shape}"
+    )
+    if inner.shape == shape[::-1]:
+        message += ": one has tracks first, the other frames first; swap axes of one"
+    raise ValueError(message)
 
 
 def unpack_tracks(X):
@@ -82,7 +180,7 @@ def unpack_tracks(X):
     Parameters
     ----------
     X : array-like of shape (n_tracks, 2 * n_frames)
-        Tracks; NaN where a point was not seen.
+        Tracks; NaN (or masked) where a point was not seen.
 
     Returns
     -------
@@ -93,8 +191,10 @@ def unpack_tracks(X):
 
     Raises
     ------
+    TypeError
+        If ``X`` are not real numbers.
     ValueError
-        If ``X`` is not a matrix of an even number of columns.
+        If ``X`` is not a matrix of an even number of columns, or holds infinities.
 
     Examples
     --------
@@ -104,15 +204,19 @@ def unpack_tracks(X):
     >>> visibility
     array([[ True, False]])
     """
-    X = np.asarray(X)
+    X = _as_numbers(X, "tracks")
     if X.ndim != 2 or X.shape[1] % 2:
         raise ValueError(
             "tracks need two columns a frame; got "
             + (f"{X.shape[1]} columns" if X.ndim == 2 else f"an array of {X.ndim} axes")
         )
-    points = np.array(X, dtype=np.result_type(X.dtype, np.float32))
-    points = points.reshape(len(X), -1, 2)
-    visibility = np.isfinite(points).all(axis=2)
+    if np.isinf(X).any():
+        raise ValueError(
+            "tracks must be finite where they are seen and NaN where they are not; "
+            f"got {int(np.isinf(X).sum())} infinite numbers"
+        )
+    points = X.reshape(len(X), X.shape[1] // 2, 2)
+    visibility = ~np.isnan(points).any(axis=2)
     points[~visibility] = np.nan
     return points, visibility
 

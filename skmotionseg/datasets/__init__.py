@@ -2,9 +2,12 @@
 
 from ._benchmarks import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from ._files import load_tracks
+from ._regions import load_complex_background, load_fbms59
 from ._synthetic import make_rigid_motions
 
 __all__ = [
+    "load_complex_background",
+    "load_fbms59",
     "load_hopkins12",
     "load_hopkins155",
     "load_kt3dmoseg",

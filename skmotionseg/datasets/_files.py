@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,13 @@ import scipy.io
 from sklearn.utils import Bunch
 
 from .._core.tracks import pack_tracks, unpack_tracks
+from ._moseg import read_moseg_tracks
+from ._trackers import read_npz
+
+PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
 
-def load_tracks(path):
+def load_tracks(path, *, layout=None, image_size=None, visible_above=None):
     """Read tracks from a file.
 
     Parameters
@@ -20,7 +25,20 @@ def load_tracks(path):
     path : str or path-like
         ``.npz``: ``points`` (n_tracks, n_frames, 2) and, if some are unseen,
         ``visibility`` (n_tracks, n_frames); or ``X`` (n_tracks, 2 * n_frames). A
-        ``labels`` array is optional.
+        ``labels`` array is optional. Or what point trackers give, under their names
+        for it:
+
+        - CoTracker: ``pred_tracks`` (1, n_frames, n_tracks, 2), ``pred_visibility``
+          (1, n_frames, n_tracks);
+        - TAPIR: ``tracks`` (n_tracks, n_frames, 2) with ``visibles`` or ``occluded``,
+          or with the logits ``occlusion`` and, if any, ``expected_dist``, all
+          (n_tracks, n_frames);
+        - TAP-Vid: ``points`` (n_tracks, n_frames, 2), each coordinate a share of the
+          image's size, with ``occluded`` (n_tracks, n_frames) and ``video``
+          (n_frames, height, width, 3), of which the shape alone is read.
+
+        All with or without the batch axis of one video. ``tracks`` with ``visibility``
+        come in either order of axes, which ``layout`` must tell.
 
         ``.mat``: a benchmark's file, with a struct ``Data`` (KT3DMoSeg, MTPV62,
         Hopkins12) or with ``y`` and ``s`` (Hopkins155).
@@ -29,6 +47,15 @@ def load_tracks(path):
         an observation, frames counted from any number; or without a header, one row a
         track and two columns a frame, empty where unseen.
 
+        ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
+    layout : {"tracks_first", "frames_first"}, optional
+        Order of the axes in a .npz file, where its names do not tell it or tell it
+        wrong.
+    image_size : (int, int), optional
+        Width and height of the video, to make pixels of shares in a .npz file.
+    visible_above : float, optional
+        What probabilities of being visible count as seen, in a .npz file.
+
     Returns
     -------
     Bunch
@@ -36,14 +63,16 @@ def load_tracks(path):
         (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
         without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
         thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
-        observations gives ``track_ids``, what it calls each row.
+        observations gives ``track_ids``, what it calls each row; a .dat gives
+        ``track_labels``, the motions that its writer found.
 
     Raises
     ------
     FileNotFoundError
         If there is no such file.
     ValueError
-        If the file is not one of these.
+        If the file is not one of these. Pickles, as of PyTorch and TAP-Vid, are not
+        read: loading one runs what code it holds.
 
     Examples
     --------
@@ -59,41 +88,54 @@ def load_tracks(path):
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no track file at {path}")
-    readers = {".npz": _read_npz, ".mat": _read_mat, ".csv": _read_csv}
-    if path.suffix.lower() not in readers:
-        raise ValueError(f"track files end in .npz, .mat or .csv; got {path.name!r}")
+    read = _reader(path, layout, image_size, visible_above)
     try:
-        fields = readers[path.suffix.lower()](path)
+        fields = read(path)
         _check_fields(fields)
     except Exception as error:  # whatever a reader meets in a broken file
         raise ValueError(f"{path} is not a track file: {error}") from error
     return Bunch(**{"target": None, "name": path.stem, **fields})
 
 
+def _reader(path, layout, image_size, visible_above):
+    """The reader for the file's ending."""
+    options = {
+        "layout": layout,
+        "image_size": image_size,
+        "visible_above": visible_above,
+    }
+    readers = {
+        ".npz": partial(read_npz, **options),
+        ".mat": _read_mat,
+        ".csv": _read_csv,
+        ".dat": read_moseg_tracks,
+    }
+    ending = path.suffix.lower()
+    if ending in PICKLES:
+        raise ValueError(
+            f"{path.name!r} is a pickle, which runs what code it holds when it is "
+            "loaded: load it yourself if you trust it, and write its arrays with "
+            "numpy.savez under the same names"
+        )
+    if ending not in readers:
+        raise ValueError(
+            f"track files end in .npz, .mat or .csv; got {path.name!r} (the .dat of "
+            "MoSeg is read, too)"
+        )
+    given = [name for name, value in options.items() if value is not None]
+    if given and ending != ".npz":
+        raise ValueError(f"{', '.join(given)} is for .npz files; got {path.name!r}")
+    return readers[ending]
+
+
 def _check_fields(fields):
     """Raise unless there are finite tracks and, if any, a label for each."""
-    if np.isinf(fields["data"]).any():
-        raise ValueError("tracks must be finite where they are seen; it has infinities")
     fields["data"] = pack_tracks(unpack_tracks(fields["data"])[0])
     labels = fields.get("target")
     if labels is not None and labels.shape != (len(fields["data"]),):
         raise ValueError(
             f"{len(fields['data'])} tracks need as many labels; got {labels.shape}"
         )
-
-
-def _read_npz(path):
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-        if "points" in arrays:
-            data = pack_tracks(arrays["points"], arrays.get("visibility"))
-        elif "X" in arrays:
-            data = np.asarray(arrays["X"], dtype=float)
-        else:
-            raise ValueError(
-                f"expected the array 'points' or 'X'; got {sorted(arrays)}"
-            )
-        labels = arrays["labels"].astype(int) if "labels" in arrays else None
-    return {"data": data, "target": labels}
 
 
 def _read_mat(path):

@@ -1,0 +1,141 @@
+"""Archives of arrays, as this package and point trackers write them."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import expit
+
+from .._core.tracks import pack_tracks
+
+# Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
+LARGEST_SHARE = 2
+
+
+def read_npz(path, *, layout=None, image_size=None, visible_above=None):
+    """Tracks, and labels if any, of a .npz file.
+
+    Parameters
+    ----------
+    path : Path
+    layout, visible_above
+        As of :func:`pack_tracks`; None takes the layout that the names imply.
+    image_size : (int, int) or None
+        Width and height in pixels, if coordinates are shares of them.
+
+    Returns
+    -------
+    dict
+        ``data`` (n_tracks, 2 * n_frames) and ``target`` (n_tracks,) or None.
+
+    Raises
+    ------
+    ValueError
+        If the names are of no layout known, or what they hold does not fit.
+    """
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+        if "X" in arrays and "points" not in arrays:
+            data = np.asarray(arrays["X"], dtype=float)
+        else:
+            name = _points_name(arrays)
+            layout = layout or _implied_layout(name, arrays)
+            visibility, visible_above = _visibility(arrays, visible_above)
+            data = pack_tracks(
+                arrays[name], visibility, layout=layout, visible_above=visible_above
+            )
+        if image_size is None and {"points", "occluded"} <= set(arrays):
+            image_size = _tap_vid_size(data, arrays)
+        if image_size is not None:
+            data = _in_pixels(data, image_size)
+        labels = arrays["labels"].astype(int) if "labels" in arrays else None
+    return {"data": data, "target": labels}
+
+
+def _points_name(arrays):
+    for name in ("points", "pred_tracks", "tracks"):
+        if name in arrays:
+            return name
+    raise ValueError(
+        f"expected the array 'points' or 'X'; got {sorted(arrays)} (of trackers, "
+        "'pred_tracks' or 'tracks')"
+    )
+
+
+def _implied_layout(name, arrays):
+    """The order of axes that whoever uses these names has; None: pack_tracks decides.
+
+    CoTracker (facebookresearch/co-tracker, ``predictor.py``) has frames first; TAPIR
+    and TAP-Vid (google-deepmind/tapnet, ``model_utils.py`` and ``tapvid/README.md``)
+    have tracks first.
+    """
+    if name == "pred_tracks":
+        return "frames_first"
+    if {"visibles", "occluded", "occlusion"} & set(arrays):
+        return "tracks_first"
+    if name == "tracks":
+        raise ValueError(
+            f"'tracks' of shape {arrays[name].shape}, in a file of {sorted(arrays)}, "
+            'may have tracks or frames first: say layout="tracks_first" or '
+            'layout="frames_first"'
+        )
+    return None
+
+
+def _visibility(arrays, visible_above):
+    """What tells which points are seen, or None, and what of it counts as seen."""
+    for name in ("visibility", "pred_visibility", "visibles"):
+        if name in arrays:
+            return arrays[name], visible_above
+    if "occluded" in arrays:
+        return 1.0 - arrays["occluded"], visible_above
+    if "occlusion" in arrays:  # logits; seen as in tapnet's postprocess_occlusions
+        seen = expit(-arrays["occlusion"].astype(float))
+        if "expected_dist" in arrays:
+            seen *= expit(-arrays["expected_dist"].astype(float))
+        return seen, 0.5 if visible_above is None else visible_above
+    return None, visible_above
+
+
+def _tap_vid_size(data, arrays):
+    """Width and height of TAP-Vid's video, or None if the points are in pixels."""
+    if _largest(data) > LARGEST_SHARE:
+        return None
+    if "video" not in arrays:
+        raise ValueError(
+            "all points lie in [0, 1], as shares of the image's size, and there is no "
+            "'video': say image_size=(width, height)"
+        )
+    shape = _shape(arrays, "video")
+    if len(shape) != 4:
+        raise ValueError(
+            f"'video' must have shape (n_frames, height, width, 3); got {shape}"
+        )
+    return shape[2], shape[1]
+
+
+def _shape(arrays, name):
+    """An array's shape, without reading the array: a video may be large."""
+    with arrays.zip.open(f"{name}.npy") as file:
+        version = np.lib.format.read_magic(file)
+        read_header = {
+            (1, 0): np.lib.format.read_array_header_1_0,
+            (2, 0): np.lib.format.read_array_header_2_0,
+        }[version]
+        return read_header(file)[0]
+
+
+def _largest(data):
+    return np.nanmax(np.abs(data), initial=0)
+
+
+def _in_pixels(data, image_size):
+    if len(image_size) != 2 or not all(0 < length < np.inf for length in image_size):
+        raise ValueError(
+            f"image_size must be width and height in pixels; got {image_size}"
+        )
+    largest = _largest(data)
+    if largest > LARGEST_SHARE:
+        raise ValueError(
+            "image_size is for points that are shares of it, in [0, 1]; got "
+            f"coordinates of up to {largest:.6g}"
+        )
+    return data * np.tile(image_size, data.shape[1] // 2)

@@ -1,0 +1,143 @@
+"""What labels are for: a mask of static points, a track file for each motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ._core.tracks import pack_tracks, unpack_tracks
+from ._writing import replacing
+
+
+def static_mask(X, labels, *, background=None):
+    """Which points of which tracks belong to the static scene, frame by frame.
+
+    A structure-from-motion program may take these and leave the others.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Motion of each track; negative ones belong to none, and so not to the scene.
+    background : int, optional
+        Label of the static scene; by default that of most tracks.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_tracks, n_frames)
+        True where a track of the background is seen.
+
+    Raises
+    ------
+    ValueError
+        If there is not a label a track, no track belongs to a motion, or none is of
+        ``background``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import static_mask
+    >>> X = [[0, 0, 1, 0], [5, 5, np.nan, np.nan], [9, 0, 9, 4]]
+    >>> static_mask(X, [0, 0, 1])
+    array([[ True,  True],
+           [ True, False],
+           [False, False]])
+    """
+    _, visibility = unpack_tracks(X)
+    labels = _check_labels(labels, len(visibility))
+    if background is None:
+        motions, sizes = np.unique(labels[labels >= 0], return_counts=True)
+        if not len(motions):
+            raise ValueError("none of the tracks belongs to a motion")
+        background = motions[sizes.argmax()]
+    elif not (labels == background).any():
+        raise ValueError(
+            f"background must be the label of a motion; got {background}, where there "
+            f"are {np.unique(labels).tolist()}"
+        )
+    return visibility & (labels == background)[:, None]
+
+
+def save_motions(folder, X, labels, *, track_ids=None):
+    """Write the tracks of each motion to a file of its own.
+
+    Parameters
+    ----------
+    folder : str or path-like
+        Made if it is not there. Files of the same names are replaced, each at once.
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Motion of each track; negative ones belong to none.
+    track_ids : array-like of shape (n_tracks,), optional
+        What to call the tracks; their rows in ``X`` by default.
+
+    Returns
+    -------
+    list of Path
+        ``motion_0.npz``, ``motion_1.npz``, ... by label, then ``no_motion.npz`` if
+        there are such tracks. Each holds ``X`` (as many frames as given), ``labels``
+        and ``track_ids``, and is read by :func:`skmotionseg.datasets.load_tracks`.
+
+    Raises
+    ------
+    FileExistsError
+        If the folder holds such a file of another segmentation, which would stay.
+    FileNotFoundError
+        If there is no folder to make it in.
+    ValueError
+        If there is not a label and an id a track, or there are infinities.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from skmotionseg import save_motions
+    >>> from skmotionseg.datasets import load_tracks, make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=70, n_frames=10, random_state=0)
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     files = save_motions(folder, X, y)
+    ...     [(path.name, len(load_tracks(path).data)) for path in files]
+    [('motion_0.npz', 40), ('motion_1.npz', 20), ('motion_2.npz', 10)]
+    """
+    X = pack_tracks(unpack_tracks(X)[0])
+    labels = _check_labels(labels, len(X))
+    track_ids = np.arange(len(X)) if track_ids is None else np.asarray(track_ids)
+    if track_ids.shape != (len(X),):
+        raise ValueError(
+            f"{len(X)} tracks need an id each; got shape {track_ids.shape}"
+        )
+    folder = Path(folder)
+    groups = {f"motion_{m}.npz": labels == m for m in np.unique(labels[labels >= 0])}
+    if (labels < 0).any():
+        groups["no_motion.npz"] = labels < 0
+    _make_folder(folder, groups)
+    for name, rows in groups.items():
+        with replacing(folder / name) as file:
+            np.savez_compressed(
+                file, X=X[rows], labels=labels[rows], track_ids=track_ids[rows]
+            )
+    return [folder / name for name in groups]
+
+
+def _check_labels(labels, n_tracks):
+    labels = np.asarray(labels)
+    if labels.shape != (n_tracks,):
+        raise ValueError(
+            f"{n_tracks} tracks need a label each; got shape {labels.shape}"
+        )
+    if labels.dtype.kind not in "iu":
+        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
+    return labels
+
+
+def _make_folder(folder, names):
+    folder.mkdir(exist_ok=True)
+    present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
+    stale = sorted(path.name for path in present if path.name not in names)
+    if stale:
+        raise FileExistsError(
+            f"{folder} holds {', '.join(stale)} of another segmentation: remove it, or "
+            "name another folder"
+        )
