@@ -66,7 +66,8 @@ def run_tasks(tasks, *, n_jobs=None, prefer=None):
     Raises
     ------
     Exception
-        What a task or the engine raised, with a note that says of which task.
+        What a task raised, or dask for a task that it gave up on, with a note that
+        says which it was.
     """
     parallel = Parallel(n_jobs=n_jobs, prefer=prefer, **_dask_options())
     return parallel(delayed(task)() for task in tasks)

@@ -347,8 +347,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         Raises
         ------
         Exception
-            What the estimator raises, or an engine of joblib that lost a worker too
-            often, with a note that says which sequence it was (0 is the first).
+            What the estimator raises, or dask when every worker died that tried, with
+            a note that says which sequence it was (0 is the first).
         """
         check_is_fitted(self)
         return run_tasks(
