@@ -6,11 +6,13 @@ import pickle
 from functools import partial
 
 import cloudpickle
-from distributed import KilledWorker
 from joblib import parallel_config
 from joblib._dask import DaskDistributedBackend
 
 from ._parallel import noting
+
+# Tasks that are given up at the same time are heard of within so long.
+SECONDS_FOR_OTHERS = 0.2
 
 
 class TaskBackend(DaskDistributedBackend):
@@ -20,25 +22,31 @@ class TaskBackend(DaskDistributedBackend):
     task that cannot be sent, or read by workers, or that the cluster gave up on.
     """
 
+    def __init__(self, *args, **kwargs):
+        super().__init__(*args, **kwargs)
+        self._lost = []  # used by the client's loop alone
+
     def submit(self, func, callback=None):
         func.items = [(_SealedTask(task), (), {}) for task, _, _ in func.items]
         future = super().submit(func, callback)
-        future.add_done_callback(partial(_report, func, callback))
+        future.add_done_callback(partial(self._note_loss, func, callback))
         return future
 
+    def _note_loss(self, batch, callback, future):
+        error = future.exception()
+        if error is None:
+            return
+        if not self._lost:
+            self.client.loop.call_later(
+                SECONDS_FOR_OTHERS, self._report_losses, error, callback
+            )
+        self._lost += [task.words for task, _, _ in batch.items]
 
-def _report(batch, callback, future):
-    """Hand over the error of a batch of tasks that has no answer."""
-    error = future.exception()
-    if error is None:
-        return
-    error.add_note("while " + " or ".join(task.words for task, _, _ in batch.items))
-    if isinstance(error, KilledWorker):
-        error.add_note(
-            "(dask counts the death of a worker against each task that the worker "
-            "held, so it may have been another of them)"
-        )
-    callback(error)
+    def _report_losses(self, error, callback):
+        # Dask counts the death of a worker against each task that the worker held, so
+        # others may be given up together with the one that kills; it is among them.
+        error.add_note("while " + " or ".join(self._lost))
+        callback(error)
 
 
 class _SealedTask:

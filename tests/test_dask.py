@@ -50,7 +50,7 @@ def cluster():
 @pytest.fixture
 def dask(cluster):
     """The engine of joblib, both workers being there."""
-    distributed.default_client().wait_for_workers(2, timeout=20)
+    distributed.default_client().wait_for_workers(2, timeout=60)
     with parallel_config(backend="dask"):
         yield distributed.default_client()
 
@@ -220,17 +220,6 @@ def test_a_model_whose_worker_is_killed_is_fitted_again(
     assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))
 
 
-def test_a_sequence_that_kills_every_worker_is_named(
-    sequences, dask, cluster, monkeypatch
-):
-    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
-    X, _ = sequences
-    estimator = PerSequence(Dies(MotionSegmenter(2, **SMALL), DOOMED)).fit(X)
-    with pytest.raises(distributed.KilledWorker) as caught:
-        estimator.predict(X)
-    assert "while segmenting sequence 2" in caught.value.__notes__
-
-
 def test_a_task_that_workers_cannot_read_is_named(sequences, dask):
     X, _ = sequences
     with pytest.raises(LookupError, match="stays where it is") as caught:
@@ -254,3 +243,19 @@ def test_a_sequence_that_fails_is_named(sequences, dask):
     with pytest.raises(ValueError, match="got 9 columns") as caught:
         estimator.predict(X)
     assert "while segmenting sequence 5" in caught.value.__notes__
+
+
+# The last, for it leaves a cluster without workers, whose nannies bring new ones.
+def test_a_sequence_that_kills_every_worker_is_named(
+    sequences, dask, cluster, monkeypatch
+):
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+    X, _ = sequences
+    estimator = PerSequence(Dies(MotionSegmenter(2, **SMALL), DOOMED)).fit(X)
+    with pytest.raises(distributed.KilledWorker) as caught:
+        estimator.predict(X)
+    # Another one may have been on the same worker each time.
+    (note,) = caught.value.__notes__
+    tasks = note.removeprefix("while ").split(" or ")
+    assert "segmenting sequence 2" in tasks
+    assert len(tasks) <= 2
