@@ -9,13 +9,39 @@ from threadpoolctl import ThreadpoolController
 
 
 @lru_cache(maxsize=1)
-def _controller():
-    return ThreadpoolController()  # looks through the loaded libraries: done once
+def _controllers():
+    """Those of OpenMP and of BLAS; each leaves the other alone."""
+    every = ThreadpoolController()  # looks through the loaded libraries: done once
+    return every.select(user_api="openmp"), every.select(user_api="blas")
 
 
-# The number of BLAS threads belongs to the process. Whoever holds this sets it and sets
-# it back; others leave it alone, or the last to go would restore what it found.
-_blas_owner = Lock()
+class _SharedLimit:
+    """BLAS at one thread for all who ask, in whatever thread: the last lifts it.
+
+    The number of BLAS threads belongs to the process. If each set it and set it back,
+    the first to go would lift the limit of others, and the last restore a limit.
+    """
+
+    def __init__(self):
+        self._lock = Lock()
+        self._n_users = 0
+        self._limiter = None
+
+    def __enter__(self):
+        with self._lock:
+            if self._n_users == 0:
+                _, blas = _controllers()
+                self._limiter = blas.limit(limits=1)
+            self._n_users += 1
+
+    def __exit__(self, *error):
+        with self._lock:
+            self._n_users -= 1
+            if self._n_users == 0:
+                self._limiter.restore_original_limits()
+
+
+_one_blas_thread = _SharedLimit()
 
 
 def single_threaded(function):
@@ -23,18 +49,16 @@ def single_threaded(function):
 
     The many small factorisations run faster so, parallel branches do not fight over
     cores, and no sum depends on how many threads shared it. Parallelism comes from
-    joblib, above; an outer function that starts threads is limited itself.
+    joblib, above.
     """
 
     @wraps(function)
     def limited(*args, **kwargs):
-        with _controller().limit(limits=1, user_api="openmp"):  # that of this thread
-            if not _blas_owner.acquire(blocking=False):
-                return function(*args, **kwargs)
-            try:
-                with _controller().limit(limits=1, user_api="blas"):
-                    return function(*args, **kwargs)
-            finally:
-                _blas_owner.release()
+        openmp, _ = _controllers()
+        # The number of OpenMP threads belongs to the thread that sets it. This comes
+        # first because threadpoolctl lets one thread at a time set that of BLAS, from
+        # there to the end of its outermost `with`.
+        with openmp.limit(limits=1), _one_blas_thread:
+            return function(*args, **kwargs)
 
     return limited

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from joblib import wrap_non_picklable_objects
 from sklearn.utils.validation import check_non_negative, validate_data
 
-from ._core.motion_models import MOTION_MODELS
+from ._core.motion_models import (
+    MOTION_MODELS,
+    added_motion_models,
+    receive_motion_models,
+)
 from ._core.spectral import FUSIONS
 from ._core.tracks import unpack_tracks
 
@@ -13,8 +18,23 @@ from ._core.tracks import unpack_tracks
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
 
-    All of them read their input through :meth:`_read_tracks` alone.
+    All of them read their input through :meth:`_read_tracks` alone. They know motion
+    models by name, so a pickle of them brings along those that other processes may not
+    have registered.
     """
+
+    def __getstate__(self):
+        state = super().__getstate__()
+        added = added_motion_models()
+        if added:  # with functions of scripts and notebooks, perhaps
+            added = wrap_non_picklable_objects(added, keep_wrapper=False)
+            state = {**state, "_added_motion_models": added}
+        return state
+
+    def __setstate__(self, state):
+        state = dict(state)
+        receive_motion_models(state.pop("_added_motion_models", {}))
+        super().__setstate__(state)
 
     def _read_tracks(self, X, *, reset):
         """Check tracks and unpack them.

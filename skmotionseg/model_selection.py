@@ -5,7 +5,6 @@ from __future__ import annotations
 from numbers import Integral, Real
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
@@ -19,6 +18,7 @@ from ._core.selection import (
     reconstruction_error,
 )
 from ._core.spectral import ViewGraph
+from ._parallel import Task, run_tasks
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
@@ -238,7 +238,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         With ``fit_predict``, such as :class:`MotionSegmenter`. Give it an integer
         ``random_state`` for the same result every time.
     n_jobs : int or None, default=None
-        Sequences at a time, as in joblib.
+        Sequences at a time, as in joblib, whose ``parallel_config`` says where: on a
+        dask cluster, say.
 
     Attributes
     ----------
@@ -342,11 +343,20 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         Returns
         -------
         list of ndarray of int, each of shape (n_tracks,)
+
+        Raises
+        ------
+        Exception
+            What the estimator raises, or dask when every worker died that tried, with
+            a note that says which sequence it was (0 is the first).
         """
         check_is_fitted(self)
-        return Parallel(n_jobs=self.n_jobs)(
-            delayed(_segment)(self.estimator, x)
-            for x in self._read_sequences(X, reset=False)
+        return run_tasks(
+            (
+                Task(f"segmenting sequence {i}", _segment, self.estimator, x)
+                for i, x in enumerate(self._read_sequences(X, reset=False))
+            ),
+            n_jobs=self.n_jobs,
         )
 
     def score(self, X, y):

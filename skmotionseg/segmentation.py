@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import os
 import time
+import zlib
 from numbers import Integral, Real
 
 import numpy as np
-from joblib import Memory, Parallel, delayed
+from joblib import Memory
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, check_memory
 
-from ._core.motion_models import MOTION_MODELS
+from ._core.motion_models import added_motion_models
 from ._core.selection import nearest_labels
 from ._core.spectral import connected_tracks
 from ._core.tracks import pack_tracks, unpack_tracks
+from ._parallel import Task, run_tasks
 from ._partition_search import PartitionSearch, search_partitions
 from ._threads import single_threaded
 from ._validation import TracksInput, get_fusion, get_motion_model
@@ -79,7 +81,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         another ``n_motions``, ``models``, ``fusion``, ``lam``, ``gamma`` or ``delta``
         does not compute them again. Needs an integer ``random_state``.
     n_jobs : int or None, default=None
-        Models at a time, as in joblib.
+        Models at a time, as in joblib, whose ``parallel_config`` says where.
     random_state : int, RandomState instance or None, default=None
         Drives hypotheses and k-means. A model's hypotheses do not depend on which
         other models there are.
@@ -233,11 +235,19 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         if isinstance(memory, os.PathLike):
             memory = os.fspath(memory)
         fit_branch = check_memory(memory).cache(_fit_branch)
-        branches = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(fit_branch)(
-                *self._make_branch(model, seeds[model]), pack_tracks(points)
-            )
-            for model in models
+        tracks = pack_tracks(points)
+        branches = run_tasks(
+            (
+                Task(
+                    f"fitting the {model} model",
+                    fit_branch,
+                    *self._make_branch(model, seeds[model]),
+                    tracks,
+                )
+                for model in models
+            ),
+            n_jobs=self.n_jobs,
+            prefer="threads",
         )
         self.branches_ = {
             model: (sampler, kernel)
@@ -340,9 +350,19 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         """
         check_is_fitted(self)
         tracks = pack_tracks(self._read_tracks(X, reset=False)[0])
-        rows = Parallel(n_jobs=self.n_jobs, prefer="threads")(
-            delayed(_transform_branch)(sampler, kernel, tracks)
-            for sampler, kernel in self.branches_.values()
+        rows = run_tasks(
+            (
+                Task(
+                    f"placing tracks by the {model} model",
+                    _transform_branch,
+                    sampler,
+                    kernel,
+                    tracks,
+                )
+                for model, (sampler, kernel) in self.branches_.items()
+            ),
+            n_jobs=self.n_jobs,
+            prefer="threads",
         )
         return nearest_labels(sum(rows), self.labels_)
 
@@ -505,10 +525,16 @@ def _check_models(models):
 
 def _model_seeds(random_state):
     """One seed for each registered model and one for clustering, always all drawn."""
-    # Models registered later come last, so that they change nobody else's seed.
-    names = list(dict.fromkeys([*ALL_MODELS, "clustering", *MOTION_MODELS]))
-    seeds = random_state.randint(np.iinfo(np.int32).max, size=len(names))
-    return dict(zip(names, map(int, seeds), strict=True))
+    names = [*ALL_MODELS, "clustering"]
+    drawn = random_state.randint(np.iinfo(np.int32).max, size=len(names))
+    seeds = dict(zip(names, map(int, drawn), strict=True))
+    # Those of added models depend on nothing but their names, for other processes may
+    # know other models, or know them in another order.
+    for name in added_motion_models():
+        if name not in seeds:
+            entropy = [seeds["clustering"], zlib.crc32(name.encode())]
+            seeds[name] = int(np.random.SeedSequence(entropy).generate_state(1)[0])
+    return seeds
 
 
 def _fit_branch(sampler, kernel, tracks):

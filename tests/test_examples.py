@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skmotionseg import unpack_tracks
+from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg.datasets import load_tracks, make_rigid_motions
+from skmotionseg.metrics import misclassification_error
 
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
@@ -32,10 +33,14 @@ def table_after(title, printed):
     return header.split(), {row[0]: row[1:] for row in cells if len(row) == 4}
 
 
+def example(name):
+    (path,) = (path for path in EXAMPLES if path.stem == name)
+    return path
+
+
 @pytest.fixture(scope="module")
 def sweep():
-    (path,) = (path for path in EXAMPLES if path.stem == "sweep")
-    return run(path, "--quick")
+    return run(example("sweep"), "--quick")
 
 
 @pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
@@ -100,3 +105,19 @@ def test_a_file_of_ones_own(tmp_path):
     path = tmp_path / "mine.npz"
     np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
     assert "90 tracks in 7 frames" in run(example("cotracker"), str(path))
+
+
+@pytest.mark.xdist_group("dask")
+def test_many_sequences_are_segmented_on_a_cluster():
+    pytest.importorskip("distributed", reason="dask's distributed is not installed")
+    printed = run(example("many_sequences_dask"), "--scenes", "3")
+    assert "2 workers, 2 sequences at a time" in printed
+    assert re.search(r"Done +3 out of +3", printed)
+    _, header, *rows = printed[printed.index("\n\n") :].split("\n")[1:6]
+    assert header.split() == ["tracks", "motions", "found", "error"]
+    for seed, row in enumerate(rows):
+        X, y = make_rigid_motions(150, 10, 2 + seed % 3, random_state=seed)
+        labels = MotionSegmenter(random_state=0).fit_predict(X)
+        error = f"{misclassification_error(y, labels):.1%}"
+        counts = [str(len(X)), str(y.max() + 1), str(labels.max() + 1)]
+        assert row.split() == ["scene", str(seed), *counts, error]

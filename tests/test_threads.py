@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from threading import Barrier, Thread
+from threading import Barrier, Event, Thread
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
@@ -48,3 +48,50 @@ def test_overlapping_threads_leave_the_pools_as_they_were():
         for thread in threads:
             thread.join()
         assert pool_sizes() == before
+
+
+def run_in_thread(function, *args):
+    thread = Thread(target=function, args=args)
+    thread.start()
+    thread.join()
+
+
+@pytest.fixture
+def two_blas_threads():
+    """Pools of two, set by no thread that is still there."""
+    limits = []
+    run_in_thread(lambda: limits.append(threadpool_limits(2, user_api="blas")))
+    yield
+    run_in_thread(limits[0].restore_original_limits)
+
+
+def blas_sizes():
+    return [p["num_threads"] for p in threadpool_info() if p["user_api"] == "blas"]
+
+
+@pytest.mark.usefixtures("two_blas_threads")
+def test_the_limit_holds_until_the_last_thread_has_left():
+    second_came, first_left = Event(), Event()
+    seen = []
+
+    @single_threaded
+    def first(thread):
+        thread.start()
+        second_came.wait()
+
+    @single_threaded
+    def second():
+        second_came.set()
+        first_left.wait()
+        seen.extend(blas_sizes())
+
+    before = blas_sizes()
+    thread = Thread(target=second)
+    first(thread)
+    first_left.set()
+    thread.join()
+    assert set(seen) == {1}
+    assert blas_sizes() == before
+    with threadpool_limits(1):  # no thread keeps others from setting them
+        assert set(blas_sizes()) == {1}
+    assert blas_sizes() == before

@@ -521,3 +521,33 @@ MOTION_MODELS = {
         ),
     )
 }
+
+
+# What there is without anybody's doing, and what came from other processes.
+_BUILT_IN = dict(MOTION_MODELS)
+_received = {}
+
+
+def added_motion_models():
+    """The registered models that do not come with this package, by name."""
+    return {
+        name: model
+        for name, model in MOTION_MODELS.items()
+        if model is not _BUILT_IN.get(name)
+    }
+
+
+def receive_motion_models(models):
+    """Register models that came from another process.
+
+    Models that were registered in this process stay as they are; those that came
+    before are replaced.
+
+    Parameters
+    ----------
+    models : dict of str to MotionModel
+    """
+    for name, model in models.items():
+        here = MOTION_MODELS.get(name)
+        if here is _BUILT_IN.get(name) or here is _received.get(name):
+            MOTION_MODELS[name] = _received[name] = model

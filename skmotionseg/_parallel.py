@@ -1,0 +1,93 @@
+"""Parallel work: tasks for whatever engine joblib is told to use."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+
+from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
+
+from ._threads import single_threaded
+
+
+class Task:
+    """A call that any process can make, and what it is about, in words.
+
+    The arguments travel inside the task. Beside it, large ones would be put on one
+    machine of a dask cluster, for all tasks to fetch, and be lost with that machine.
+
+    Parameters
+    ----------
+    words : str
+        Such as "segmenting sequence 3": noted on the error if the call fails.
+    function : callable
+    *arguments
+        Its arguments.
+    """
+
+    def __init__(self, words, function, *arguments):
+        self.words = words
+        self.function = function
+        self.arguments = arguments
+
+    @single_threaded
+    def __call__(self):
+        with noting(self.words):
+            return self.function(*self.arguments)
+
+
+@contextmanager
+def noting(words):
+    """Say in a note on errors what was being done."""
+    try:
+        yield
+    except Exception as error:
+        error.add_note(f"while {words}")
+        raise
+
+
+def run_tasks(tasks, *, n_jobs=None, prefer=None):
+    """Run tasks with the engine that joblib is told to use.
+
+    Parameters
+    ----------
+    tasks : iterable of Task
+    n_jobs : int or None
+        Tasks at a time, as in joblib.
+    prefer : {"threads", "processes"} or None
+        The engine if ``joblib.parallel_config`` asks for no other.
+
+    Returns
+    -------
+    list
+        Their results, in order.
+
+    Raises
+    ------
+    Exception
+        What a task raised, or dask for a task that it gave up on, with a note that
+        says which it was.
+    """
+    parallel = Parallel(n_jobs=n_jobs, prefer=prefer, **_dask_options())
+    return parallel(delayed(task)() for task in tasks)
+
+
+def _dask_options():
+    """Options of joblib for dask clusters, if that is where tasks are to run."""
+    # Whoever asked for dask has had joblib import this; others need not.
+    joblib_dask = sys.modules.get("joblib._dask")
+    active, _ = get_active_backend()
+    if joblib_dask is None or not isinstance(
+        active, joblib_dask.DaskDistributedBackend
+    ):
+        return {}
+    from ._dask import TaskBackend
+
+    backend = TaskBackend(
+        client=active.client,
+        wait_for_workers_timeout=active.wait_for_workers_timeout,
+        **active.submit_kwargs,
+    )
+    # A worker that dies takes along the tasks that it holds: one at a time is enough.
+    return {"backend": backend, "batch_size": 1, "pre_dispatch": "n_jobs"}
