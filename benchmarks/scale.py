@@ -25,7 +25,7 @@ def measure(scene, n_tracks, n_frames, repeats, n_jobs):
     dict
         ``seconds`` and ``errors``, one a repeat, and ``peak``, bytes.
     """
-    warm, _ = many_tracks(100, 4)
+    warm, _ = many_tracks(60, 3)
     MotionSegmenter(2, n_hypotheses=50, n_jobs=n_jobs, random_state=0).fit(warm)
     X, y = SCENES[scene](n_tracks, n_frames)
     seconds, errors = [], []
