@@ -63,8 +63,8 @@ def draw_growth(rows, path):
             guide = values[0] * sizes / sizes[0]
             axes.loglog(sizes, guide, "--", color="0.6", label="slope 1")
             axes.set(ylabel=title, xticks=sizes, xticklabels=[f"{s:,}" for s in sizes])
+            axes.set_yticks(values, [f"{v:,.{2 * (v < 10)}f}" for v in values])
             axes.minorticks_off()
-            axes.yaxis.set_major_formatter("{x:g}")
             axes.legend(frameon=False)
         other = "n_frames" if scene == "tracks" else "n_tracks"
         fixed = " and ".join(f"{each:,}" for each in sorted({r[other] for r in chosen}))
