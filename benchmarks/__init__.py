@@ -1,0 +1,1 @@
+"""Benchmarks of speed and memory, for asv and for ``python -m benchmarks``."""

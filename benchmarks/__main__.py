@@ -1,0 +1,118 @@
+"""Run the benchmarks without asv, print the table of speeds, fill in the page.
+
+The commands:
+
+    python -m benchmarks [--filter REGEX] [--quick]       every class, as asv would
+    python -m benchmarks --table --data DIR [--rows ...]  the table
+    python -m benchmarks --write docs/speed.md            its figures, from JSON
+
+``benchmarks.floor``, ``benchmarks.peers`` and ``benchmarks.growth`` run by themselves,
+with ``python -m``. With ``--json FILE`` each keeps its figures there, in a section of
+its own; rows that were there before are replaced, others stay.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from benchmarks import floor, growth, peers, report, runner, table
+
+COLUMNS = {
+    "stages": runner.COLUMNS,
+    "table": table.COLUMNS,
+    "floor": floor.COLUMNS,
+    "peers": peers.COLUMNS,
+}
+
+
+SIZES = {
+    "tracks": [12_500, 25_000, 50_000],
+    "frames": [500, 1000, 2000],
+    "tracks_of_frames": 2000,
+}
+QUICK_SIZES = {"tracks": [250, 500], "frames": [100, 200], "tracks_of_frames": 300}
+
+
+def _sections(page):
+    """What makes each section of the page from the record; draws its picture."""
+
+    def at_scale(record):
+        rows = record.get("table", [])
+        return [row for scene in growth.SCENES for row in growth.of_scene(rows, scene)]
+
+    def on_sequences(record):
+        return [row for row in record.get("table", []) if row not in at_scale(record)]
+
+    def picture(record):
+        path = page.parent / "images" / "growth.png"
+        try:
+            growth.draw_growth(at_scale(record), path)
+        except ValueError as error:
+            return f"(no picture yet: {error})"
+        return "![Seconds and memory against tracks and frames](images/growth.png)"
+
+    return {
+        "sequences": lambda r: report.figures(on_sequences(r), table.COLUMNS),
+        "scale": lambda r: report.figures(at_scale(r), table.COLUMNS),
+        "growth": picture,
+        **{
+            name: lambda r, name=name: report.figures(r.get(name), COLUMNS[name])
+            for name in ("stages", "floor", "peers")
+        },
+    }
+
+
+def _parser():
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--filter", default="", metavar="REGEX", help="run what matches")
+    add("--repeats", type=int, default=5)
+    add("--quick", action="store_true", help="the smallest sizes, once")
+    add("--json", type=Path, help="keep the figures (--write: docs/speed.json)")
+    add("--table", action="store_true", help="print the table of speeds")
+    add("--data", type=Path, help="holds KT3DMoSeg and Hopkins155")
+    add("--rows", nargs="+", default=["*"], help="patterns such as 'clips-*'")
+    add("--jobs", type=int, default=-1, help="models at a time (all cores)")
+    add("--tracks", nargs="+", type=int, help="sizes of the rows tracks-*")
+    add("--frames", nargs="+", type=int, help="sizes of the rows frames-*")
+    add("--tracks-of-frames", type=int, help="tracks in the rows frames-*")
+    add("--write", type=Path, metavar="PAGE", help="rewrite the page's tables")
+    return parser
+
+
+def main(arguments=None):
+    arguments = _parser().parse_args(arguments)
+    if arguments.write:
+        record = arguments.json or Path("docs/speed.json")
+        report.write_page(arguments.write, record, _sections(arguments.write))
+        return
+    section = "table" if arguments.table else "stages"
+    repeats = 1 if arguments.quick else arguments.repeats
+    sizes = QUICK_SIZES if arguments.quick else SIZES
+    if arguments.table:
+        n_tracks = arguments.tracks_of_frames or sizes["tracks_of_frames"]
+        measured = table.make_table(
+            arguments.data,
+            arguments.rows,
+            repeats,
+            arguments.jobs,
+            [(n, 20) for n in arguments.tracks or sizes["tracks"]],
+            [(n_tracks, n) for n in arguments.frames or sizes["frames"]],
+            arguments.quick,
+        )
+    else:
+        measured = runner.run_all(arguments.filter, repeats, arguments.quick)
+    rows = []
+    for row in measured:  # kept one by one: the whole takes long
+        rows.append(row)
+        report.save(arguments.json, section, [row])
+    report.show(rows, COLUMNS[section])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,185 @@
+"""The benchmarks run; what they measure is not judged here."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from benchmarks import (
+    floor,
+    growth,
+    measuring,
+    peers,
+    plain,
+    report,
+    runner,
+    scenes,
+    table,
+)
+from benchmarks.__main__ import _sections, main
+from skmotionseg.metrics import misclassification_error
+
+TINY = {
+    "n_tracks": 60,
+    "n_fitted": 60,
+    "n_new": 20,
+    "n_frames": 5,
+    "n_hypotheses": 20,
+}
+BENCHMARKS = {
+    f"{b.kind.__name__}.{b.method}": b._replace(
+        values=tuple(
+            TINY.get(name, value)
+            for name, value in zip(b.kind.param_names, b.values, strict=True)
+        )
+    )
+    for b in runner.discover(quick=True)
+}
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Test processes do not fight over cores."""
+    with threadpool_limits(1):
+        yield
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return [scenes.clip_like(60, 5, random_state=seed) for seed in range(2)]
+
+
+def test_every_class_is_discovered():
+    kinds = {name.partition(".")[0] for name in BENCHMARKS}
+    assert kinds == {
+        *("Branch", "Fusion", "Selection"),
+        *("Segmenter", "Placing", "ManyTracks", "ManyFrames"),
+    }
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_benchmark_sets_up_and_runs(name):
+    benchmark = BENCHMARKS[name]
+    benchmark.make_ready()(*benchmark.values)
+
+
+def test_runner_gives_median_least_and_most():
+    median, least, most = runner.run(BENCHMARKS["Fusion.time_fusion"], 3)["seconds"]
+    assert 0 < least <= median <= most
+
+
+def test_peak_memory_is_that_of_a_fresh_process():
+    held = np.ones(2**25)
+    row = runner.run(BENCHMARKS["Branch.peakmem_branch"], 1)
+    ours = measuring.peak_memory()
+    assert 10e6 < row["peak"] < ours - held.nbytes / 2
+
+
+def test_interleaved_calls_take_turns():
+    seen = []
+    calls = {name: lambda seed, name=name: seen.append((name, seed)) for name in "ab"}
+    runs = measuring.interleave(calls, 2)
+    assert seen == [(name, seed) for seed in (0, 0, 1) for name in "ab"]
+    assert [len(each.seconds) for each in runs.values()] == [2, 2]
+
+
+@pytest.mark.parametrize("fusion", ["coreg", "kernel_addition"])
+def test_plain_version_segments(scene, fusion):
+    X, y = scene
+    labels = plain.segment(X, [3], fusion=fusion)
+    assert misclassification_error(y, labels) < 0.1
+
+
+def test_long_scene_is_seen_as_promised():
+    X, y = scenes.many_frames(200, 300, n_seen=20)
+    seen = np.isfinite(X[:, ::2]).sum(axis=1)
+    assert np.median(seen) == 20
+    assert seen.max() == 200
+    assert set(y) == {0, 1, 2}
+
+
+def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tmp_path):
+    monkeypatch.setattr(table, "_load", lambda source, data: clips)
+    monkeypatch.setattr(
+        table, "in_fresh_process", lambda function, *arguments: function(*arguments)
+    )
+    path = tmp_path / "speed.json"
+    rows = ["clips-coreg-known", "clips-plain-known", "tracks-*", "frames-*"]
+    sizes = ["--tracks", "50", "60", "--frames", "6", "--tracks-of-frames", "60"]
+    main(["--table", "--quick", "--rows", *rows, *sizes, "--json", str(path)])
+    printed = capsys.readouterr().out
+    record = {row["row"]: row for row in json.loads(path.read_text())["table"]}
+    assert list(record) == [*rows[:2], "tracks-50", "tracks-60", "frames-6"]
+    assert all(row in printed for row in record)
+    assert record["clips-plain-known"]["plain_ratio"] == 1
+    assert record["clips-coreg-known"]["plain_ratio"] > 0
+    assert record["tracks-60"]["seconds_growth"] > 0
+
+
+def test_growth_is_drawn_of_two_sizes_or_more(tmp_path):
+    rows = [
+        {
+            "n_tracks": n,
+            "n_frames": n,
+            "seconds": [n, n, n],
+            "peak": n,
+            "row": f"{s}-{n}",
+        }
+        for s in growth.SCENES
+        for n in (10, 20)
+    ]
+    growth.draw_growth(rows, tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 0
+    with pytest.raises(ValueError, match=r"growth needs two rows frames-\* or more"):
+        growth.draw_growth(rows[:3], tmp_path / "growth.png")
+
+
+def test_dense_tracks_are_judged_where_they_have_labels(clips):
+    clip = clips[0]
+    clip.dense_data, clip.dense_index = np.vstack([clip.data, clip.data]), np.arange(60)
+    (row, thinned) = table._sequence_rows(
+        "dense", ["default-known", "thinned-known"], [clip], 1, None
+    )
+    assert (row["n_tracks"], thinned["n_tracks"]) == (120, 60)
+
+
+def test_floor_is_below_our_time(clips):
+    rows = floor.make_floor(clips[:1], repeats=1, n_threads=2)
+    assert [row["n_threads"] for row in rows] == [1, 1, 1, 1, 2]
+    assert all(row["floor"] == row["product"] + row["memory"] > 0 for row in rows)
+
+
+def test_peers_that_are_missing_are_named_and_not_guessed(clips, monkeypatch):
+    def missing():
+        raise ModuleNotFoundError("No module named 'mvlearn'", name="mvlearn")
+
+    name = "mvlearn MultiviewCoRegSpectralClustering"
+    monkeypatch.setitem(peers.METHODS, name, (missing, "coreg"))
+    rows = {row["row"]: row for row in peers.make_peers(clips, ["*"], 1)}
+    assert list(rows) == list(peers.METHODS)
+    problem = "not installed: pip install --no-deps mvlearn"
+    assert rows[name] == {"row": name, "problem": problem}
+    assert problem in report.as_table(rows.values(), peers.COLUMNS)
+    assert rows["ours, coreg"]["ratio"] == 1
+    assert rows["textbook, coreg"]["ratio"] > 0
+
+
+def test_page_is_rewritten_between_its_marks(tmp_path):
+    record, page = tmp_path / "speed.json", tmp_path / "speed.md"
+    report.save(record, "table", [{"row": "clips-coreg-known", "error": 1.0}])
+    report.save(record, "table", [{"row": "clips-coreg-known", "error": 2.0}])
+    page.write_text(
+        "before\n<!-- begin sequences -->\nold\n<!-- end sequences -->\nafter\n"
+        "<!-- begin growth -->\n<!-- end growth -->\n"
+    )
+    report.write_page(page, record, _sections(page))
+    written = page.read_text()
+    assert written.startswith("before\n") and "\nafter\n" in written
+    assert "old" not in written and "1.00" not in written
+    assert "| clips-coreg-known |    2.00 |" in written
+    assert "no picture yet: growth needs two rows" in written
+    with pytest.raises(ValueError, match="has a section 'sequences'; known are"):
+        report.write_page(page, record, {})
