@@ -73,11 +73,6 @@ def test_sweep_finds_one_setting_for_many_sequences(sweep):
 # --------------------------------------------------------------------- point trackers
 
 
-def example(name):
-    (path,) = (path for path in EXAMPLES if path.stem == name)
-    return path
-
-
 @pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
 def test_files_of_trackers_are_segmented(tracker):
     printed = run(example(tracker))
