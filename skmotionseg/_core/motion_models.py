@@ -22,8 +22,8 @@ import numpy as np
 DEGENERATE_SPAN = 1e-5
 
 # Rounds of three squarings that leave the eigenvector of the largest eigenvalue: one
-# that is larger by 4 % is then larger by a factor of 10^8, and nothing is lost where two
-# are equal.
+# that is larger by 4 % is then larger by a factor of 10^8, and nothing is lost where
+# two are equal.
 ROUNDS = 3
 # Cofactors of a unit matrix below this are rounding: it is of rank 1.
 RANK_ONE = 1e-14

@@ -1,0 +1,102 @@
+"""Landmarks: a few tracks that stand for very many.
+
+Drawn like the starts of k-means++ (Arthur and Vassilvitskii 2007), in rounds (Bahmani et
+al. 2012): a track is the likelier, the farther it is from those drawn before, in place
+and in displacement, over the frames that see both. A small thing that moves by itself is
+far from its surroundings, and tracks of frames that no landmark sees are far from all,
+so neither is missed as it would be by plain chance.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+ROUNDS = 16
+# Tracks that are compared with the landmarks at a time.
+TRACKS_A_BATCH = 8192
+# Squared distances above this quantile count as that: gross outliers are the farthest
+# tracks of all, and must not take all landmarks.
+FARTHEST = 0.9
+# Squared distance, in spreads, of tracks that no frame sees together with a landmark.
+NEVER_MET = 100.0
+
+
+def choose_landmarks(points, visibility, n_landmarks, random_state):
+    """Draw tracks that cover all places, displacements and frames.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    n_landmarks : int
+        At most ``n_tracks``.
+    random_state : numpy.random.RandomState
+
+    Returns
+    -------
+    ndarray of int, shape (n_landmarks,)
+        Ascending. Tracks that are seen in no two consecutive frames come last of all.
+    """
+    channels = _channels(points, visibility)
+    n_seen = (visibility[:, 1:] & visibility[:, :-1]).sum(axis=1)
+    distance = np.ones(len(points))
+    free = np.ones(len(points), dtype=bool)
+    for n_new in np.diff(np.linspace(0, n_landmarks, ROUNDS + 1).astype(int)):
+        new = _draw(distance * n_seen * free, free, n_new, random_state)
+        free[new] = False
+        np.minimum(distance, _distance_to(channels, new), out=distance)
+    return np.flatnonzero(~free)
+
+
+def _channels(points, visibility):
+    """Places and displacements in units of their spread, 0 where unseen, and masks.
+
+    Each is (n_tracks, n_frames, 2) and (n_tracks, n_frames), float32.
+    """
+    moving = visibility[:, 1:] & visibility[:, :-1]
+    channels = []
+    for values, seen in ((points, visibility), (np.diff(points, axis=1), moving)):
+        mask = seen[..., None]
+        values = np.where(mask, values, 0)
+        centre = values.sum(axis=0) / np.maximum(mask.sum(axis=0), 1)
+        values = np.where(mask, values - centre, 0)
+        spread = np.median(np.abs(values[seen])) if seen.any() else 0
+        channels.append(
+            (
+                (values / (spread if spread > 0 else 1)).astype(np.float32),
+                seen.astype(np.float32),
+            )
+        )
+    return channels
+
+
+def _draw(weights, free, n_new, random_state):
+    """Draw so many tracks without replacement, those of no weight last."""
+    if weights.any():
+        weights = np.minimum(weights, np.quantile(weights[weights > 0], FARTHEST))
+    # The largest of u^(1/w) are a draw with weights w (Efraimidis and Spirakis 2006).
+    with np.errstate(divide="ignore"):
+        keys = np.log(random_state.random_sample(len(weights))) / weights
+    keys[weights == 0] = -np.finfo(float).max
+    keys[~free] = -np.inf
+    return np.argsort(-keys, kind="stable")[:n_new]
+
+
+def _distance_to(channels, landmarks):
+    """Mean squared distance of each track to the nearest landmark."""
+    n_tracks = len(channels[0][0])
+    nearest = np.empty(n_tracks)
+    for start in range(0, n_tracks, TRACKS_A_BATCH):
+        batch = slice(start, start + TRACKS_A_BATCH)
+        total, common = 0, 0
+        for values, seen in channels:
+            squares, marks = (values**2).sum(axis=2), seen[landmarks].T
+            flat = values.reshape(n_tracks, -1)
+            common = seen[batch] @ marks
+            squared = squares[batch] @ marks + seen[batch] @ squares[landmarks].T
+            squared -= 2 * (flat[batch] @ flat[landmarks].T)
+            total = total + np.where(
+                common > 0, squared / np.maximum(common, 1), np.inf
+            )
+        nearest[batch] = np.minimum(total.min(axis=1), NEVER_MET)
+    return np.maximum(nearest, 0)
