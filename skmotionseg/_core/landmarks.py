@@ -1,10 +1,10 @@
 """Landmarks: a few tracks that stand for very many.
 
-Drawn like the starts of k-means++ (Arthur and Vassilvitskii 2007), in rounds (Bahmani et
-al. 2012): a track is the likelier, the farther it is from those drawn before, in place
-and in displacement, over the frames that see both. A small thing that moves by itself is
-far from its surroundings, and tracks of frames that no landmark sees are far from all,
-so neither is missed as it would be by plain chance.
+Drawn like the starts of k-means++ (Arthur and Vassilvitskii 2007), in rounds (Bahmani
+et al. 2012): a track is the likelier, the farther it is from those drawn before, in
+place and in displacement, over the frames that see both. A small thing that moves by
+itself is far from its surroundings, and tracks of frames that no landmark sees are far
+from all, so neither is missed as it would be by plain chance.
 """
 
 from __future__ import annotations
