@@ -33,7 +33,8 @@ def add_segment(commands):
         "segment",
         help="segment a track file or a video",
         description="Segment the tracks of a .npz, .mat, .csv or .dat file, or track "
-        "and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames (.png, .jpg).",
+        "and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames (.png, "
+        ".jpg).",
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     segment.add_argument(
