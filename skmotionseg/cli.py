@@ -5,15 +5,24 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import warnings
 from pathlib import Path
 
 import numpy as np
 
 from . import __version__
+from ._console import (
+    PICTURES,
+    count,
+    facts_table,
+    pyplot,
+    stage_facts,
+    track_facts,
+    with_progress,
+)
 from ._extras import require
-from ._writing import replacing
-
-PICTURES = (".png", ".pdf", ".svg", ".jpg")
+from ._segment_command import add_segment
+from ._writing import check_output, replacing
 
 
 def main(argv=None):
@@ -37,10 +46,16 @@ def main(argv=None):
     """
     arguments = _parser().parse_args(argv)
     try:
-        return arguments.run(arguments) or 0
+        with warnings.catch_warnings():
+            warnings.showwarning = _print_warning
+            return arguments.run(arguments) or 0
     except (ImportError, OSError, ValueError, TypeError) as error:
         print(f"skmotionseg: {error}", file=sys.stderr)
         return 2
+
+
+def _print_warning(message, *where, **file):
+    print(f"skmotionseg: warning: {message}", file=sys.stderr)
 
 
 def _parser():
@@ -51,20 +66,9 @@ def _parser():
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_demo(commands)
-    _add_segment(commands)
+    add_segment(commands)
     _add_bench(commands)
     return parser
-
-
-def _count(text):
-    number = int(text)
-    if number < 1:
-        raise argparse.ArgumentTypeError(f"expected 1 or more; got {text}")
-    return number
-
-
-def _motions(text):
-    return text if text == "auto" else _count(text)
 
 
 # -------------------------------------------------------------------------- demo
@@ -86,8 +90,8 @@ def _add_demo(commands):
 
 def _demo(arguments):
     console = require("rich.console", extra="cli").Console()
-    pyplot = _pyplot()
-    _check_output(arguments.out, PICTURES)
+    plt = pyplot()
+    check_output(arguments.out, PICTURES)
     from .datasets import make_rigid_motions
     from .metrics import misclassification_error
     from .segmentation import MotionSegmenter
@@ -97,156 +101,32 @@ def _demo(arguments):
         segmenter = MotionSegmenter(random_state=arguments.seed).fit(X)
     error = misclassification_error(y, segmenter.labels_)
     console.print(
-        _facts_table(
+        facts_table(
             "skmotionseg demo",
             [
-                *_track_facts(X),
+                *track_facts(X),
                 ("motions found", str(segmenter.n_motions_)),
                 ("motions true", str(len(np.unique(y[y >= 0])))),
                 ("misclassification", f"{error:.2%}"),
-                *_stage_facts(segmenter),
+                *stage_facts(segmenter),
             ],
         )
     )
-    _draw_comparison(pyplot, X, y, segmenter.labels_, arguments.out)
+    _draw_comparison(plt, X, y, segmenter.labels_, arguments.out)
     console.print(f"picture: {arguments.out}", highlight=False)
 
 
-def _pyplot():
-    require("matplotlib", extra="cli").use("Agg")
-    return require("matplotlib.pyplot", extra="cli")
-
-
-def _draw_comparison(pyplot, X, true, found, path):
+def _draw_comparison(plt, X, true, found, path):
     from .plotting import plot_motions
 
-    figure, axes = pyplot.subplots(
+    figure, axes = plt.subplots(
         1, 2, figsize=(11, 4), sharex=True, sharey=True, layout="constrained"
     )
     plot_motions(X, true, ax=axes[0], title="true motions")
     plot_motions(X, found, ax=axes[1], title="found motions")
     axes[1].set_ylabel("")
     figure.savefig(path, dpi=130, bbox_inches="tight")
-    pyplot.close(figure)
-
-
-def _facts_table(title, facts):
-    table = require("rich.table", extra="cli").Table(
-        title=title, show_header=False, title_justify="left"
-    )
-    table.add_column(style="dim")
-    table.add_column(justify="right")
-    for name, value in facts:
-        table.add_row(name, value)
-    return table
-
-
-def _track_facts(X):
-    unseen = np.isnan(X).mean()
-    return [
-        ("tracks", str(len(X))),
-        ("frames", str(X.shape[1] // 2)),
-        ("unseen", f"{unseen:.1%}"),
-    ]
-
-
-def _stage_facts(segmenter):
-    return [
-        (f"seconds {stage}", f"{seconds:.3f}")
-        for stage, seconds in segmenter.stage_seconds_.items()
-    ]
-
-
-# ----------------------------------------------------------------------- segment
-
-
-def _add_segment(commands):
-    segment = commands.add_parser(
-        "segment",
-        help="segment a track file",
-        description="Segment the tracks of a .npz, .mat, .csv or .dat file.",
-    )
-    segment.add_argument("file", type=Path, metavar="FILE")
-    segment.add_argument(
-        "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
-    )
-    segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
-    segment.add_argument("--out", type=Path, help="labels: .npz or .csv")
-    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
-    segment.add_argument("--render", type=Path, help="picture of the motions: .png")
-    segment.set_defaults(run=_segment)
-
-
-def _segment(arguments):
-    from .datasets import load_tracks
-    from .export import save_motions
-    from .metrics import misclassification_error
-    from .segmentation import MotionSegmenter
-
-    _check_output(arguments.out, (".npz", ".csv"))
-    _check_output(arguments.render, PICTURES)
-    _check_output(arguments.split_dir)
-    sequence = load_tracks(arguments.file)
-    console = require("rich.console", extra="cli").Console()
-    with console.status("segmenting ..."):
-        segmenter = MotionSegmenter(arguments.motions, random_state=arguments.seed).fit(
-            sequence.data
-        )
-    labels = segmenter.labels_
-    facts = [
-        *_track_facts(sequence.data),
-        ("motions found", str(segmenter.n_motions_)),
-        *(
-            (f"tracks of motion {motion}", str((labels == motion).sum()))
-            for motion in range(segmenter.n_motions_)
-        ),
-        ("tracks of no motion", str((labels < 0).sum())),
-    ]
-    if sequence.target is not None and (sequence.target >= 0).any():
-        error = misclassification_error(sequence.target, labels)
-        facts.append(("misclassification", f"{error:.2%}"))
-    console.print(_facts_table(arguments.file.name, [*facts, *_stage_facts(segmenter)]))
-    track_ids = sequence.get("track_ids", np.arange(len(labels)))
-    if arguments.split_dir is not None:
-        files = save_motions(
-            arguments.split_dir, sequence.data, labels, track_ids=track_ids
-        )
-        console.print(f"motions: {len(files)} files in {arguments.split_dir}")
-    if arguments.out is not None:
-        _write_labels(arguments.out, sequence.data, labels, track_ids)
-        console.print(f"labels: {arguments.out}", highlight=False)
-    if arguments.render is not None:
-        _draw_motions(sequence.data, labels, arguments.render)
-        console.print(f"picture: {arguments.render}", highlight=False)
-
-
-def _check_output(path, endings=None):
-    """Refuse a file that could not be written, before any work."""
-    if path is None:
-        return
-    if endings is not None and path.suffix.lower() not in endings:
-        raise ValueError(f"output files end in {' or '.join(endings)}; got {path.name}")
-    if not path.absolute().parent.is_dir():
-        raise FileNotFoundError(f"there is no folder to write {path} to")
-
-
-def _write_labels(path, X, labels, track_ids):
-    with replacing(path) as file:
-        if path.suffix.lower() == ".npz":
-            np.savez_compressed(file, X=X, labels=labels, track_ids=track_ids)
-        else:
-            table = np.column_stack([track_ids, labels])
-            np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
-
-
-def _draw_motions(X, labels, path):
-    from .plotting import plot_motions
-
-    pyplot = _pyplot()
-    figure, ax = pyplot.subplots(figsize=(8, 5), layout="constrained")
-    plot_motions(X, labels, ax=ax)
-    figure.savefig(path, dpi=130, bbox_inches="tight")
-    pyplot.close(figure)
+    plt.close(figure)
 
 
 # ------------------------------------------------------------------------- bench
@@ -268,7 +148,7 @@ def _add_bench(commands):
     bench.add_argument(
         "--methods", nargs="+", choices=list(METHODS), default=list(METHODS)
     )
-    bench.add_argument("--seeds", type=_count, default=3, help="runs of each (3)")
+    bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
     bench.add_argument("--json", type=Path, metavar="FILE", help="every record")
     bench.add_argument("--jobs", type=int, default=-1, help="sequences at a time (all)")
     bench.set_defaults(run=_run_bench)
@@ -279,10 +159,10 @@ def _run_bench(arguments):
     from ._bench_regions import summarize_regions
 
     console = require("rich.console", extra="cli").Console()
-    _check_output(arguments.json)
+    check_output(arguments.json)
     sequences = find_sequences(arguments.data, arguments.datasets)
     batches = run(sequences, arguments.methods, arguments.seeds, arguments.jobs)
-    batches = _with_progress(
+    batches = with_progress(
         batches,
         len(sequences) * arguments.seeds,
         f"{len(sequences)} sequences, {arguments.seeds} seeds",
@@ -302,18 +182,6 @@ def _run_bench(arguments):
     regions = summarize_regions([r for r in records if "error_known" not in r])
     for part in dict.fromkeys(key[:2] for key in regions):
         console.print(_region_table(regions, part, arguments.methods))
-
-
-def _with_progress(items, total, description, console):
-    """Pass items on under a progress bar, or, in a log file, a line every tenth."""
-    if console.is_terminal:
-        track = require("rich.progress", extra="cli").track
-        yield from track(items, description, total=total, console=console)
-        return
-    for done, item in enumerate(items, start=1):
-        if done * 10 // total > (done - 1) * 10 // total:
-            console.print(f"{description}: {done} of {total} done", highlight=False)
-        yield item
 
 
 def _bench_tables(summary, methods):

@@ -6,22 +6,7 @@ import numpy as np
 
 from ._core.tracks import unpack_tracks
 from ._extras import require
-
-# Okabe and Ito's colours, told apart by colour-blind readers, then others for more
-# than seven motions. The background, usually the largest motion, is the quietest.
-COLOURS = (
-    "#7f9db9",
-    "#d55e00",
-    "#009e73",
-    "#cc79a7",
-    "#e6ac00",
-    "#0072b2",
-    "#8c564b",
-    "#17becf",
-    "#7b3294",
-    "#a6d854",
-)
-OUTLIER_COLOUR = "#b0b0b0"
+from ._palette import motion_colour
 
 
 def plot_motions(X, labels, *, frames=None, ax=None, title=None):
@@ -73,7 +58,7 @@ def plot_motions(X, labels, *, frames=None, ax=None, title=None):
         rows = shared & (labels == label)
         start, end = points[rows, first], points[rows, second]
         outlier = label < 0
-        colour = OUTLIER_COLOUR if outlier else COLOURS[label % len(COLOURS)]
+        colour = motion_colour(label)
         ax.plot(
             *np.stack([start, end]).T[..., ::1].swapaxes(1, 2), color=colour, lw=0.8
         )

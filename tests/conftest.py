@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 import matplotlib
@@ -11,6 +12,10 @@ import pytest
 from skmotionseg.datasets import make_rigid_motions
 
 matplotlib.use("Agg")
+with suppress(ImportError):
+    # It brings a BLAS of its own, and the limits on native threads are those of the
+    # libraries that are there when they are first asked for.
+    import cv2  # noqa: F401
 
 
 @pytest.fixture(scope="session")

@@ -15,7 +15,7 @@ import pytest
 from sklearn.base import BaseEstimator
 
 import skmotionseg
-from skmotionseg import _core, cli, datasets, metrics, plotting
+from skmotionseg import _core, cli, datasets, metrics, plotting, preprocessing, video
 
 PACKAGE = Path(skmotionseg.__file__).parent
 CORE_FILES = sorted((PACKAGE / "_core").glob("*.py"))
@@ -47,6 +47,8 @@ NAMES = {
         (datasets, datasets.__all__),
         (metrics, functions_of(metrics)),
         (plotting, functions_of(plotting)),
+        (preprocessing, functions_of(preprocessing)),
+        (video, functions_of(video)),
         (cli, {"main"}),
     )
     for name in sorted(names)
@@ -104,6 +106,12 @@ def test_the_contract():
         "motion_count_accuracy",
     }
     assert functions_of(plotting) == {"plot_motions"}
+    assert functions_of(preprocessing) == {
+        "select_balanced_tracks",
+        "select_inliers",
+        "select_long_tracks",
+    }
+    assert functions_of(video) == {"render_segmentation", "track_video"}
 
 
 def test_the_version_is_a_version():
@@ -261,7 +269,7 @@ def test_the_core_imports_numpy_scipy_and_itself(path):
         assert top in (siblings if level else allowed), name
 
 
-@pytest.mark.parametrize("file", ["metrics.py", "_extras.py"])
+@pytest.mark.parametrize("file", ["metrics.py", "_extras.py", "_palette.py"])
 def test_leaves_import_nothing_of_the_package(file):
     assert not [name for level, name in imports(PACKAGE / file) if level]
 

@@ -165,6 +165,37 @@ def description_length(geometry, members):
     return min(lengths, key=sum)
 
 
+def mean_sampson_errors(points, visibility):
+    """How far tracks of one motion are from its epipolar geometry, frame by frame.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    ndarray of shape (n_tracks,)
+        Squared Sampson errors to the fundamental matrix of each two consecutive frames,
+        in squared working units, mean over the frame pairs that see the track and
+        seven others; NaN where there is none.
+    """
+    centres, scale = working_coordinates(points, visibility)
+    total, n_judged = np.zeros(len(points)), np.zeros(len(points), dtype=int)
+    for i, j in frame_pairs(visibility.shape[1]):  # one by one: tracks may be many
+        seen = np.flatnonzero(visibility[:, i] & visibility[:, j])
+        x = (points[seen, i] - centres[i]) / scale
+        y = (points[seen, j] - centres[j]) / scale
+        everywhere = np.ones((1, len(seen)), dtype=bool)
+        (errors,) = robust_residuals(x[None], y[None], everywhere)
+        if np.isfinite(errors).all():
+            total[seen] += errors
+            n_judged[seen] += 1
+    return np.divide(
+        total, n_judged, out=np.full(len(points), np.nan), where=n_judged > 0
+    )
+
+
 def robust_residuals(x, y, seen):
     """Squared Sampson errors to a fundamental matrix fitted robustly to each pair.
 

@@ -1,0 +1,150 @@
+"""Bookkeeping of a tracker that sows points on a grid: positions, no pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+from scipy.spatial import KDTree
+
+# A new point keeps this many grid spacings away from live ones: less, and points pile
+# up where the picture moves across the grid; more, and gaps stay open.
+CLEARANCE = 0.75
+
+
+class TrackLog:
+    """Where which track was, frame by frame; grows with observations only.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames recorded so far.
+    """
+
+    def __init__(self):
+        self._ids, self._points = [], []
+
+    @property
+    def n_frames(self):
+        return len(self._ids)
+
+    def record(self, ids, points):
+        """Append a frame.
+
+        Parameters
+        ----------
+        ids : ndarray of int, shape (n_live,)
+            Each at most once.
+        points : ndarray of shape (n_live, 2)
+        """
+        self._ids.append(ids.astype(np.int32))
+        self._points.append(points.astype(np.float32))
+
+    def assemble(self, min_length):
+        """All tracks of at least so many frames, by id.
+
+        Parameters
+        ----------
+        min_length : int
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_frames, 2), float32
+            NaN where a track was not seen.
+        """
+        lengths = np.bincount(np.concatenate([*self._ids, np.empty(0, np.int32)]))
+        long = lengths >= min_length
+        row = np.cumsum(long) - 1
+        tracks = np.full((long.sum(), self.n_frames, 2), np.nan, dtype=np.float32)
+        for frame, (ids, points) in enumerate(
+            zip(self._ids, self._points, strict=True)
+        ):
+            kept = long[ids]
+            tracks[row[ids[kept]], frame] = points[kept]
+        return tracks
+
+
+def seed_points(texture, spacing, threshold, live):
+    """The best textured pixel of each grid cell that no track is in or near.
+
+    Parameters
+    ----------
+    texture : ndarray of shape (height, width)
+        How well the picture tells a point's place, pixel by pixel.
+    spacing : int
+        Side of the square cells, pixels; the last ones may be cut by the picture's
+        edge.
+    threshold : float
+        The texture must exceed it.
+    live : ndarray of shape (n, 2)
+        Points (x, y) of live tracks, inside the picture.
+
+    Returns
+    -------
+    ndarray of shape (m, 2), float64
+        At least ``CLEARANCE * spacing`` from every live point.
+    """
+    height, width = texture.shape
+    n_rows, n_columns = -(-height // spacing), -(-width // spacing)
+    cells = np.full((n_rows * spacing, n_columns * spacing), -np.inf)
+    cells[:height, :width] = texture
+    cells = cells.reshape(n_rows, spacing, n_columns, spacing).swapaxes(1, 2)
+    cells = cells.reshape(n_rows, n_columns, spacing**2)
+    open_cells = cells.max(axis=2) > threshold
+    x, y = np.rint(live).astype(int).T // spacing
+    open_cells[y, x] = False
+    row, column = np.nonzero(open_cells)
+    down, right = np.divmod(cells[row, column].argmax(axis=1), spacing)
+    seeds = np.column_stack([column * spacing + right, row * spacing + down])
+    seeds = seeds.astype(float)
+    if len(live) == 0 or len(seeds) == 0:
+        return seeds
+    distance, _ = KDTree(live).query(seeds)
+    return seeds[distance >= CLEARANCE * spacing]
+
+
+def sample_field(field, points):
+    """Values of a vector field between pixels, bilinear.
+
+    Parameters
+    ----------
+    field : ndarray of shape (height, width, 2)
+    points : ndarray of shape (n, 2)
+        Places (x, y); outside, the nearest edge counts.
+
+    Returns
+    -------
+    ndarray of shape (n, 2)
+    """
+    x, y = points.T
+    parts = [
+        map_coordinates(field[..., axis], [y, x], order=1, mode="nearest")
+        for axis in range(2)
+    ]
+    return np.column_stack(parts)
+
+
+def field_gradient(field, points):
+    """How fast a vector field changes at some places, a pixel.
+
+    Parameters
+    ----------
+    field : ndarray of shape (height, width, 2)
+    points : ndarray of shape (n, 2)
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        Frobenius norm of the Jacobian, by differences over two pixels.
+    """
+    across, down = (
+        (sample_field(field, points + step) - sample_field(field, points - step)) / 2
+        for step in ([1.0, 0.0], [0.0, 1.0])
+    )
+    return np.sqrt((across**2 + down**2).sum(axis=1))
+
+
+def is_inside(points, shape):
+    """Which points (n, 2) lie in a picture of that shape (height, width)."""
+    height, width = shape
+    x, y = points.T
+    return (x >= 0) & (y >= 0) & (x <= width - 1) & (y <= height - 1)

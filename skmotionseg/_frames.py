@@ -1,0 +1,206 @@
+"""Frames one at a time, from a video file, a folder of pictures or arrays."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from ._extras import require
+
+VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
+PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
+
+
+class Frames:
+    """Frames to iterate over, as often as one likes, each read when it is due.
+
+    Attributes
+    ----------
+    name : str
+        What error messages call the source.
+    fps : float or None
+        Frames a second, where the source knows.
+    n_announced : int or None
+        Frames there should be, where the source says.
+    """
+
+    def __init__(self, name, make_iterator, *, fps=None, n_announced=None):
+        self.name = name
+        self.fps = fps
+        self.n_announced = n_announced
+        self._make_iterator = make_iterator
+
+    def __iter__(self):
+        """Frames (height, width, 3), uint8, blue first; all of one size.
+
+        Raises
+        ------
+        ValueError
+            If a frame cannot be read, is no picture, or differs in size from the
+            first.
+
+        Warns
+        -----
+        UserWarning
+            If a video ends before it should: how many frames were read of how many.
+        """
+        shape = None
+        for number, frame in enumerate(self._make_iterator()):
+            frame = _as_picture(frame, f"frame {number} of {self.name}")
+            if shape is not None and frame.shape != shape:
+                raise ValueError(
+                    f"frames of one size are needed; in {self.name} the first is "
+                    f"{shape[1]} x {shape[0]} pixels and frame {number} is "
+                    f"{frame.shape[1]} x {frame.shape[0]}"
+                )
+            shape = frame.shape
+            yield frame
+            del frame  # the caller decides how long a frame lives
+
+
+def is_video(path):
+    """Whether a path names a video or a folder of frames, rather than a track file."""
+    return path.is_dir() or path.suffix.lower() in VIDEO_ENDINGS
+
+
+def open_frames(source):
+    """Make a source of frames, reading no more than is needed to know it is one.
+
+    Parameters
+    ----------
+    source : path of a video or of a folder of pictures, or iterable of arrays
+
+    Returns
+    -------
+    Frames
+
+    Raises
+    ------
+    FileNotFoundError, TypeError, ValueError
+        If there is no such file, or it is none of these, or is damaged or empty.
+    ImportError
+        If opencv-python-headless is missing.
+    """
+    if isinstance(source, Frames):
+        return source
+    require("cv2", extra="video")
+    if isinstance(source, (str, Path)) or hasattr(source, "__fspath__"):
+        path = Path(source)
+        return _open_folder(path) if path.is_dir() else _open_video(path)
+    try:
+        iter(source)
+    except TypeError:
+        raise TypeError(
+            "expected the path of a video or of a folder of frames, or arrays; got "
+            f"{type(source).__name__}"
+        ) from None
+    n_announced = len(source) if hasattr(source, "__len__") else None
+    return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
+
+
+def _as_picture(frame, name):
+    frame = np.asarray(frame)
+    grey = frame.ndim == 2
+    if frame.dtype != np.uint8 or not (
+        grey or (frame.ndim == 3 and frame.shape[2] == 3)
+    ):
+        raise ValueError(
+            f"{name} must be uint8 of shape (height, width) or (height, width, 3); "
+            f"got {frame.dtype} of shape {frame.shape}"
+        )
+    return np.repeat(frame[..., None], 3, axis=2) if grey else frame
+
+
+# ----------------------------------------------------------------------------- videos
+
+
+def _open_video(path):
+    if not path.is_file():
+        raise FileNotFoundError(f"no video or folder of frames at {path}")
+    if path.suffix.lower() not in VIDEO_ENDINGS:
+        raise ValueError(f"videos end in {', '.join(VIDEO_ENDINGS)}; got {path.name!r}")
+    if path.stat().st_size == 0:
+        raise ValueError(f"{path} is not a video: it has no bytes")
+    cv2 = require("cv2", extra="video")
+    capture = _capture(path)
+    fps = capture.get(cv2.CAP_PROP_FPS)
+    count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    capture.release()
+    n_announced = int(count) if math.isfinite(count) and count > 0 else None
+    return Frames(
+        str(path),
+        lambda: _read_video(path, n_announced),
+        fps=fps if math.isfinite(fps) and fps > 0 else None,
+        n_announced=n_announced,
+    )
+
+
+def _capture(path):
+    cv2 = require("cv2", extra="video")
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    if not capture.isOpened():
+        raise ValueError(
+            f"{path} cannot be read as a video: it is damaged, cut short before its "
+            "index, or of an unknown kind"
+        )
+    return capture
+
+
+def _read_video(path, n_announced):
+    capture = _capture(path)
+    n_read = 0
+    try:
+        while True:
+            good, frame = capture.read()
+            if not good:
+                break
+            n_read += 1
+            yield frame
+            del frame
+    finally:
+        capture.release()
+    if n_announced is not None and n_read < n_announced:
+        if n_read == 0:
+            raise ValueError(f"not one of the {n_announced} frames of {path} is whole")
+        warnings.warn(
+            f"{path} is cut short or damaged: {n_read} of {n_announced} frames could "
+            "be read",
+            stacklevel=2,
+        )
+
+
+# ---------------------------------------------------------------------------- folders
+
+
+def _open_folder(folder):
+    paths = sorted(
+        (p for p in folder.iterdir() if p.suffix.lower() in PICTURE_ENDINGS),
+        key=_natural_order,
+    )
+    if not paths:
+        raise ValueError(
+            f"no frames ({', '.join(PICTURE_ENDINGS)}) are in the folder {folder}"
+        )
+    return Frames(
+        str(folder), lambda: map(_read_picture, paths), n_announced=len(paths)
+    )
+
+
+def _natural_order(path):
+    """Sorts frame2 before frame10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [int(part) if part.isdigit() else part for part in parts]
+
+
+def _read_picture(path):
+    cv2 = require("cv2", extra="video")
+    # Not cv2.imread, which knows no names beyond ASCII on some systems.
+    content = np.fromfile(path, dtype=np.uint8)
+    frame = cv2.imdecode(content, cv2.IMREAD_COLOR) if len(content) else None
+    if frame is None:
+        raise ValueError(f"{path} is not a picture that can be read")
+    return frame

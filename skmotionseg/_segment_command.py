@@ -1,0 +1,244 @@
+"""``skmotionseg segment``: a track file or a video in, motions out."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from ._console import (
+    PICTURES,
+    count,
+    facts_table,
+    pyplot,
+    reporting,
+    stage_facts,
+    track_facts,
+)
+from ._core.tracks import unpack_tracks
+from ._extras import require
+from ._frames import is_video
+from ._palette import motion_colour
+from ._writing import check_output, replacing
+
+LABEL_ENDINGS = (".npz", ".csv")
+
+
+def add_segment(commands):
+    """Add the command to a parser's."""
+    segment = commands.add_parser(
+        "segment",
+        help="segment a track file or a video",
+        description="Segment the tracks of a .npz, .mat, .csv or .dat file, or track "
+        "and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames (.png, "
+        ".jpg).",
+    )
+    segment.add_argument("file", type=Path, metavar="INPUT")
+    segment.add_argument(
+        "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
+    )
+    segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
+    segment.add_argument(
+        "--out",
+        type=Path,
+        help="labels: .npz with the tracks, or .csv, for videos a row an observation",
+    )
+    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
+    segment.add_argument(
+        "--render",
+        type=Path,
+        help="picture of the motions: .png; for videos .mp4, or .png for some frames",
+    )
+    videos = segment.add_argument_group("videos")
+    videos.add_argument(
+        "--grid", type=count, default=8, help="pixels between tracks (8)"
+    )
+    videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
+    videos.add_argument(
+        "--max-side", type=count, help="shrink larger frames to be tracked (never)"
+    )
+    segment.set_defaults(run=_segment)
+
+
+def _motions(text):
+    return text if text == "auto" else count(text)
+
+
+def _segment(arguments):
+    from .export import save_motions
+    from .segmentation import MotionSegmenter
+
+    video = is_video(arguments.file)
+    check_output(arguments.out, LABEL_ENDINGS)
+    check_output(arguments.split_dir)
+    check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
+    console = require("rich.console", extra="cli").Console()
+    read = _track_video if video else _load_tracks
+    sequence = read(arguments, console)
+    with console.status("segmenting ..."):
+        segmenter = MotionSegmenter(arguments.motions, random_state=arguments.seed).fit(
+            sequence.data
+        )
+    labels = segmenter.labels_
+    if arguments.render is not None:
+        draw = _render_video if video else _draw_tracks
+        draw(arguments, sequence, labels, console)
+    if arguments.out is not None:
+        _write_labels(arguments.out, sequence, labels)
+    _print_findings(console, arguments, sequence, segmenter)
+    if arguments.split_dir is not None:
+        files = save_motions(
+            arguments.split_dir, sequence.data, labels, track_ids=sequence.track_ids
+        )
+        console.print(f"motions: {len(files)} files in {arguments.split_dir}")
+
+
+def _load_tracks(arguments, console):
+    from .datasets import load_tracks
+
+    sequence = load_tracks(arguments.file)
+    return Bunch(
+        **{"track_ids": np.arange(len(sequence.data)), **sequence, "video": {}}
+    )
+
+
+def _track_video(arguments, console):
+    """Tracks of a video as :func:`skmotionseg.datasets.load_tracks` gives a file's."""
+    # What OpenCV and FFmpeg print of a damaged video, the error says in one line.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from .preprocessing import select_long_tracks
+    from .video import track_video
+
+    started = time.perf_counter()
+    with reporting("tracking", console) as progress:
+        video = track_video(
+            arguments.file,
+            grid_spacing=arguments.grid,
+            max_frames=arguments.max_frames,
+            max_side=arguments.max_side,
+            progress=progress,
+        )
+    shortest = _shortest_track(video.n_frames)
+    kept = np.zeros(len(video.tracks), dtype=bool)
+    if len(kept):
+        kept = select_long_tracks(video.tracks, shortest)
+    if not kept.any():
+        raise ValueError(
+            f"no point of {arguments.file} could be followed for {shortest} frames: "
+            "there is too little texture"
+        )
+    return Bunch(
+        data=video.tracks[kept],
+        target=None,
+        name=arguments.file.stem,
+        track_ids=np.arange(kept.sum()),
+        video={
+            "width": video.width,
+            "height": video.height,
+            "fps": np.nan if video.fps is None else video.fps,
+        },
+        seconds={"tracking": time.perf_counter() - started},
+    )
+
+
+def _shortest_track(n_frames):
+    """Five frames; up to ten in longer clips, where short tracks say little."""
+    return int(np.clip(n_frames // 8, 5, 10))
+
+
+# --------------------------------------------------------------------------- printing
+
+
+def _print_findings(console, arguments, sequence, segmenter):
+    from .metrics import misclassification_error
+
+    labels = segmenter.labels_
+    facts = [
+        *track_facts(sequence.data),
+        ("motions found", str(segmenter.n_motions_)),
+    ]
+    if sequence.target is not None and (sequence.target >= 0).any():
+        error = misclassification_error(sequence.target, labels)
+        facts.append(("misclassification", f"{error:.2%}"))
+    facts += stage_facts(segmenter)
+    for stage, seconds in sequence.get("seconds", {}).items():
+        facts.append((f"seconds {stage}", f"{seconds:.3f}"))
+    console.print(facts_table(arguments.file.name, facts))
+    console.print(_motion_table(sequence.data, labels))
+    for name, path in (("labels", arguments.out), ("picture", arguments.render)):
+        if path is not None:
+            console.print(f"{name}: {path}", highlight=False)
+
+
+def _motion_table(X, labels):
+    """A row a motion, and one for the tracks of none."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("motion", "tracks", "share", "frames seen", "colour"):
+        table.add_column(title, justify="right")
+    seen = unpack_tracks(X)[1]
+    for motion in [*range(labels.max() + 1), *([-1] if (labels < 0).any() else [])]:
+        members = labels == motion
+        colour = motion_colour(motion)
+        table.add_row(
+            "none" if motion < 0 else str(motion),
+            str(members.sum()),
+            f"{members.mean():.1%}",
+            f"{seen[members].any(axis=0).sum()} of {seen.shape[1]}",
+            f"[{colour}]●[/] {colour}",
+        )
+    return table
+
+
+# ---------------------------------------------------------------------------- writing
+
+
+def _write_labels(path, sequence, labels):
+    with replacing(path) as file:
+        if path.suffix.lower() == ".npz":
+            np.savez_compressed(
+                file,
+                X=sequence.data,
+                labels=labels,
+                track_ids=sequence.track_ids,
+                **sequence.video,
+            )
+        elif sequence.video:  # nobody else has these tracks
+            header, form = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
+            table = _observations(sequence, labels)
+            np.savetxt(file, table, fmt=form, header=header, comments="")
+        else:
+            table = np.column_stack([sequence.track_ids, labels])
+            np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
+
+
+def _observations(sequence, labels):
+    """Rows (track, frame, x, y, label), one for each time that a track is seen."""
+    points, visibility = unpack_tracks(sequence.data)
+    track, frame = np.nonzero(visibility)
+    names = sequence.track_ids[track]
+    return np.column_stack([names, frame, points[track, frame], labels[track]])
+
+
+def _draw_tracks(arguments, sequence, labels, console):
+    from .plotting import plot_motions
+
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
+    plot_motions(sequence.data, labels, ax=ax)
+    figure.savefig(arguments.render, dpi=130, bbox_inches="tight")
+    plt.close(figure)
+
+
+def _render_video(arguments, sequence, labels, console):
+    from .video import render_segmentation
+
+    started = time.perf_counter()
+    with reporting("rendering", console) as progress:
+        render_segmentation(
+            arguments.file, sequence.data, labels, arguments.render, progress=progress
+        )
+    sequence.seconds["rendering"] = time.perf_counter() - started

@@ -1,0 +1,174 @@
+"""What the paper does to dense tracks before they are segmented or judged.
+
+Each function says which tracks to keep, so that labels and names can follow:
+``X[kept]``, ``labels[kept]``.
+"""
+
+from __future__ import annotations
+
+from numbers import Integral, Real
+
+import numpy as np
+from sklearn.utils import check_random_state
+
+from ._core.geometry import mean_sampson_errors
+from ._core.tracks import unpack_tracks
+
+
+def select_long_tracks(X, min_length=5):
+    """Keep tracks that are seen in enough frames.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels; NaN where unseen.
+    min_length : int, default=5
+        Frames.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_tracks,)
+        True for the tracks to keep.
+
+    Raises
+    ------
+    ValueError
+        If ``X`` is not tracks or ``min_length`` is under 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg.preprocessing import select_long_tracks
+    >>> X = np.array([[0.0, 0, 1, 0, 2, 0], [5, 5, 6, 5, np.nan, np.nan]])
+    >>> select_long_tracks(X, min_length=3)
+    array([ True, False])
+    """
+    if not isinstance(min_length, Integral) or min_length < 1:
+        raise ValueError(
+            f"min_length must be an integer of 1 or more; got {min_length!r}"
+        )
+    return unpack_tracks(X)[1].sum(axis=1) >= min_length
+
+
+def select_balanced_tracks(labels, share=0.1, *, random_state=None):
+    """Thin the largest group, such as the background, and keep the others whole.
+
+    Parameters
+    ----------
+    labels : array-like of int, shape (n_tracks,)
+        Group of each track; -1 for none, which is kept.
+    share : float, default=0.1
+        How much of the largest group to keep: at least one track.
+    random_state : int, RandomState instance or None, default=None
+        Draws the tracks to keep.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_tracks,)
+        True for the tracks to keep.
+
+    Raises
+    ------
+    ValueError
+        If ``share`` is not in (0, 1], or ``labels`` is not a vector.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg.preprocessing import select_balanced_tracks
+    >>> labels = np.repeat([0, 1], [50, 7])
+    >>> kept = select_balanced_tracks(labels, random_state=0)
+    >>> np.bincount(labels[kept])
+    array([5, 7])
+    """
+    if not 0 < share <= 1:
+        raise ValueError(f"share must be in (0, 1]; got {share!r}")
+    labels = _check_labels(labels)
+    kept = np.ones(len(labels), dtype=bool)
+    groups, sizes = np.unique(labels[labels >= 0], return_counts=True)
+    if len(groups) == 0:
+        return kept
+    largest = np.flatnonzero(labels == groups[sizes.argmax()])
+    n_kept = max(1, round(share * len(largest)))
+    kept[largest] = False
+    kept[check_random_state(random_state).choice(largest, n_kept, replace=False)] = True
+    return kept
+
+
+def select_inliers(X, labels, *, whisker=7.0):
+    """Keep tracks that obey the epipolar geometry of their motion all along.
+
+    In each two consecutive frames, a fundamental matrix is fitted robustly to the
+    tracks of a motion. A track is as bad as its squared Sampson error is in the mean
+    of the frame pairs it is seen in, and is dropped if that exceeds
+    ``Q3 + whisker * IQR`` of its motion, with the third quartile and the range between
+    quartiles (Xu, Cheong and Li 2021, sec. 4.2.1, with robust least squares in
+    place of RANSAC).
+
+    Parameters
+    ----------
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Motion of each track; -1 for none.
+    whisker : float, default=7
+        Ranges between quartiles above the third that a track may reach.
+
+    Returns
+    -------
+    ndarray of bool, shape (n_tracks,)
+        True for the tracks to keep. False for those of no motion; True for those
+        that are never seen together with seven others of their motion, against whom
+        nothing speaks.
+
+    Notes
+    -----
+    A planar motion leaves its fundamental matrix two freedoms, which a few outliers
+    can take: they stay.
+
+    Raises
+    ------
+    ValueError
+        If there is not a label a track, or ``whisker`` is negative.
+
+    Examples
+    --------
+    Tracks that slide off their motion get the label -1:
+
+    >>> import numpy as np
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> from skmotionseg.preprocessing import select_inliers
+    >>> X, y = make_rigid_motions(missing=0, noise=0.3, random_state=0)
+    >>> sliding = np.flatnonzero(y == 0)[:5]
+    >>> X[sliding] += 8 * np.sin(np.arange(X.shape[1]) ** 2)
+    >>> labels = np.where(select_inliers(X, y), y, -1)
+    >>> labels[sliding]
+    array([-1, -1, -1, -1, -1])
+    """
+    points, visibility = unpack_tracks(X)
+    labels = _check_labels(labels)
+    if len(labels) != len(points):
+        raise ValueError(f"{len(points)} tracks need as many labels; got {len(labels)}")
+    if not isinstance(whisker, Real) or not whisker >= 0:
+        raise ValueError(f"whisker must be a number of 0 or more; got {whisker!r}")
+    kept = labels >= 0
+    for motion in np.unique(labels[kept]):
+        members = np.flatnonzero(labels == motion)
+        errors = mean_sampson_errors(points[members], visibility[members])
+        judged = np.isfinite(errors)
+        if not judged.any():
+            continue
+        lower, upper = np.quantile(errors[judged], [0.25, 0.75])
+        bad = judged & (errors > upper + whisker * (upper - lower))
+        kept[members[bad]] = False
+    return kept
+
+
+def _check_labels(labels):
+    labels = np.asarray(labels)
+    if labels.ndim != 1 or labels.dtype.kind not in "iu":
+        raise ValueError(
+            "labels must be a vector of integers; got "
+            f"{labels.dtype} of shape {labels.shape}"
+        )
+    return labels

@@ -1,0 +1,574 @@
+"""Videos made on the fly, whose points are known to be where."""
+
+from __future__ import annotations
+
+import re
+import sys
+import weakref
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, map_coordinates
+
+from skmotionseg import unpack_tracks
+from skmotionseg._core.tracking import (
+    CLEARANCE,
+    TrackLog,
+    field_gradient,
+    sample_field,
+    seed_points,
+)
+from skmotionseg._palette import COLOURS
+from skmotionseg.cli import main
+from skmotionseg.datasets import load_tracks
+from skmotionseg.preprocessing import (
+    select_balanced_tracks,
+    select_inliers,
+    select_long_tracks,
+)
+from skmotionseg.video import render_segmentation, track_video
+
+cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
+
+WIDTH, HEIGHT, N_FRAMES = 160, 120, 12
+PAN = np.array([1.3, -0.7])  # pixels a frame, of the background
+SQUARE_START, SQUARE_SIDE = np.array([30.0, 40.0]), 50
+SQUARE_STEP = np.array([4.0, 0.0])
+
+
+def texture(seed, size=400):
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=(size, size)), 1.5)
+    return 128 + 60 * noise / noise.std()
+
+
+def looked_at(scene, shift):
+    """A scene that has moved by so many pixels, seen through the frame."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH] + 100.0
+    values = map_coordinates(scene, [y - shift[1], x - shift[0]], order=3)
+    return np.clip(np.rint(values), 0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def panned():
+    scene = texture(0)
+    return [looked_at(scene, f * PAN) for f in range(N_FRAMES)]
+
+
+@pytest.fixture(scope="module")
+def crossed(panned):
+    """The same with a square of another texture that crosses it."""
+    square, frames = texture(1)[:SQUARE_SIDE, :SQUARE_SIDE].clip(0, 255), []
+    for f, background in enumerate(panned):
+        frame = background.copy()
+        x, y = (SQUARE_START + f * SQUARE_STEP).astype(int)
+        frame[y : y + SQUARE_SIDE, x : x + SQUARE_SIDE] = square
+        frames.append(frame)
+    return frames
+
+
+def write_video(path, frames, codec="mp4v", fps=12.5):
+    height, width = frames[0].shape[:2]
+    fourcc = cv2.VideoWriter_fourcc(*codec)
+    writer = cv2.VideoWriter(str(path), fourcc, fps, (width, height))
+    assert writer.isOpened()
+    for frame in frames:
+        writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
+    writer.release()
+    return path
+
+
+def read_video(path):
+    capture, frames = cv2.VideoCapture(str(path)), []
+    while True:
+        good, frame = capture.read()
+        if not good:
+            return np.array(frames), capture.get(cv2.CAP_PROP_FPS)
+        frames.append(frame)
+
+
+def steps(tracks):
+    """Displacements of all tracks between consecutive frames that see them: (n, 2)."""
+    points, _ = unpack_tracks(tracks)
+    moved = np.diff(points, axis=1).reshape(-1, 2)
+    return moved[np.isfinite(moved).all(axis=1)]
+
+
+def on_square(points, frame, margin=0.0):
+    place = points - (SQUARE_START + frame * SQUARE_STEP)
+    return ((place >= -margin) & (place <= SQUARE_SIDE - 1 + margin)).all(axis=-1)
+
+
+# --------------------------------------------------------------------------- tracking
+
+
+def test_tracks_are_exact_to_a_fraction_of_a_pixel(panned):
+    result = track_video(panned)
+    assert (result.n_frames, result.width, result.height) == (N_FRAMES, WIDTH, HEIGHT)
+    points, seen = unpack_tracks(result.tracks)
+    birth = seen.argmax(axis=1)
+    start = points[np.arange(len(points)), birth]
+    expected = start[:, None] + (np.arange(N_FRAMES) - birth[:, None])[..., None] * PAN
+    drift = np.hypot(*(points - expected)[seen].T)
+    assert np.median(drift) < 0.05
+    assert np.quantile(drift, 0.99) < 0.5  # drift adds up over twelve frames
+
+
+def test_shrunk_frames_give_tracks_in_pixels_of_the_video(panned):
+    result = track_video(panned, max_side=100)
+    assert (result.width, result.height) == (WIDTH, HEIGHT)
+    np.testing.assert_allclose(np.median(steps(result.tracks), axis=0), PAN, atol=0.05)
+    whole, _ = unpack_tracks(track_video(panned).tracks)
+    shrunk, _ = unpack_tracks(result.tracks)
+    assert np.nanmax(shrunk[..., 0]) > 0.95 * np.nanmax(whole[..., 0])
+
+
+def test_tracks_have_one_unbroken_life(crossed):
+    _, seen = unpack_tracks(track_video(crossed).tracks)
+    changes = np.abs(np.diff(seen.astype(int), axis=1)).sum(axis=1)
+    lives = seen[:, 0].astype(int) + seen[:, -1] + changes
+    assert set(lives) == {2}
+
+
+def test_tracks_end_where_they_are_covered(crossed):
+    """Those of the background before the square; those behind it start anew."""
+    points, seen = unpack_tracks(track_video(crossed, min_length=2).tracks)
+    truth = points[:, 0] + PAN * (N_FRAMES - 1)
+    ahead = seen[:, 0] & ~on_square(points[:, 0], 0, margin=10)
+    covered = ahead & on_square(truth, N_FRAMES - 1, margin=-8)
+    assert covered.sum() >= 8
+    assert seen[covered, -1].mean() < 0.3
+
+
+def test_empty_places_get_new_tracks(crossed):
+    points, seen = unpack_tracks(track_video(crossed).tracks)
+    origin = points[:, -1] - (N_FRAMES - 1) * PAN
+    uncovered = on_square(origin, 0, margin=-4)
+    uncovered &= ~on_square(points[:, -1], N_FRAMES - 1, margin=8)
+    assert uncovered.sum() >= 5
+    assert seen[uncovered, 0].mean() < 0.3  # one may slip off the square's edge
+    entered = points[:, -1, 0] < PAN[0] * (N_FRAMES - 1) - 4  # the pan brings them in
+    assert entered.any()
+    assert not seen[entered, 0].any()
+
+
+def test_the_square_moves_by_itself(crossed):
+    points, seen = unpack_tracks(track_video(crossed).tracks)
+    whole = seen.all(axis=1) & on_square(points[:, 0], 0, margin=-6)
+    assert whole.sum() > 10
+    moved = (points[whole, -1] - points[whole, 0]) / (N_FRAMES - 1)
+    np.testing.assert_allclose(np.median(moved, axis=0), SQUARE_STEP, atol=0.02)
+
+
+def test_tracks_stay_in_the_picture(panned):
+    points, seen = unpack_tracks(track_video(panned, min_length=1).tracks)
+    x, y = points[seen].T
+    assert x.min() >= 0 and y.min() >= 0
+    assert x.max() <= WIDTH - 1 and y.max() <= HEIGHT - 1
+
+
+def test_the_grid_is_filled_and_not_overfilled(panned):
+    for spacing in (8, 16):
+        _, seen = unpack_tracks(track_video(panned, grid_spacing=spacing).tracks)
+        cells = (WIDTH / spacing) * (HEIGHT / spacing)
+        assert 0.6 * cells < seen[:, N_FRAMES // 2].sum() < 1.2 * cells
+
+
+def test_plain_places_get_no_tracks(panned):
+    frames = [frame.copy() for frame in panned]
+    for frame in frames:
+        frame[:, : WIDTH // 2] = 90
+    points, _ = unpack_tracks(track_video(frames).tracks)
+    assert len(points) > 20
+    assert np.nanmin(points[..., 0]) > WIDTH // 2 - 8
+    assert track_video([np.full((64, 64), 90, np.uint8)] * 6).tracks.shape == (0, 12)
+
+
+@pytest.mark.parametrize("min_length", [1, 5, N_FRAMES])
+def test_short_tracks_are_dropped(crossed, min_length):
+    _, seen = unpack_tracks(track_video(crossed, min_length=min_length).tracks)
+    assert seen.sum(axis=1).min() >= min_length
+
+
+def test_a_stricter_check_leaves_fewer_tracks(crossed):
+    noise = np.random.default_rng(0)
+    frames = [
+        np.clip(frame + noise.normal(0, 15, frame.shape), 0, 255).astype(np.uint8)
+        for frame in crossed
+    ]
+    kept = [
+        np.isfinite(track_video(frames, max_error=error, min_length=1).tracks).sum()
+        for error in (0.1, 1.0)
+    ]
+    assert kept[0] < kept[1]
+
+
+def test_progress_counts_the_frames(panned):
+    calls = []
+    track_video(panned, max_frames=5, progress=lambda *call: calls.append(call))
+    assert calls == [(done, 5) for done in range(1, 6)]
+    calls.clear()
+    track_video(iter(panned), progress=lambda *call: calls.append(call))
+    assert calls[-1] == (N_FRAMES, None)
+
+
+def test_no_more_than_three_frames_are_held(panned):
+    alive, most = weakref.WeakSet(), 0
+
+    class Frame(np.ndarray):
+        """An array that can be kept in a set."""
+
+        __hash__ = object.__hash__
+        __eq__ = object.__eq__
+
+    def count_frames():
+        nonlocal most
+        for grey in panned * 3:
+            frame = np.repeat(grey[..., None], 3, axis=2).view(Frame)
+            alive.add(frame)
+            most = max(most, len(alive))
+            yield frame
+            del frame
+
+    assert track_video(count_frames()).n_frames == 3 * N_FRAMES
+    assert 1 <= most <= 3
+
+
+# ---------------------------------------------------------------------------- sources
+
+
+@pytest.mark.parametrize(
+    "ending, codec",
+    [(".mp4", "mp4v"), (".avi", "MJPG"), (".mov", "mp4v"), (".mkv", "MJPG")],
+)
+def test_videos_of_each_kind(panned, tmp_path, ending, codec):
+    path = write_video(tmp_path / f"clip{ending}", panned, codec)
+    result = track_video(path)
+    assert result.n_frames == N_FRAMES
+    assert result.fps == pytest.approx(12.5)
+    np.testing.assert_allclose(np.median(steps(result.tracks), axis=0), PAN, atol=0.1)
+
+
+def write_folder(folder, frames, ending=".png"):
+    folder.mkdir()
+    for number, frame in enumerate(frames):
+        assert cv2.imwrite(str(folder / f"frame{number}{ending}"), frame)
+    return folder
+
+
+def test_a_folder_is_read_in_the_order_of_its_numbers(panned, tmp_path):
+    folder = write_folder(tmp_path / "frames", panned)  # frame10 after frame9
+    (folder / "notes.txt").write_text("no frame")
+    result = track_video(str(folder))
+    assert result.fps is None
+    np.testing.assert_array_equal(result.tracks, track_video(panned).tracks)
+
+
+def test_max_frames(panned):
+    assert track_video(panned, max_frames=6).tracks.shape[1] == 12
+
+
+def test_a_cut_video_gives_what_can_be_read(panned, tmp_path):
+    path = write_video(tmp_path / "clip.avi", panned, "MJPG")
+    path.write_bytes(path.read_bytes()[: int(0.6 * path.stat().st_size)])
+    with pytest.warns(UserWarning, match=rf"(\d+) of {N_FRAMES} frames") as caught:
+        result = track_video(path)
+    said = int(re.search(r"(\d+) of", str(caught[0].message)).group(1))
+    assert said == result.n_frames
+    assert 4 < result.n_frames < N_FRAMES
+    render_segmentation(  # as many frames as there are tracks for: nothing to warn of
+        path, result.tracks, np.zeros(len(result.tracks), int), tmp_path / "cut.mp4"
+    )
+
+
+def bad_sources(tmp_path, frames):
+    """Things that are no videos, by what the error says."""
+    whole = write_video(tmp_path / "whole.mp4", frames)
+    cut = tmp_path / "cut.mp4"  # without its index, which is written last
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    (tmp_path / "empty.mp4").touch()
+    (tmp_path / "noise.avi").write_bytes(bytes(range(256)) * 40)
+    (tmp_path / "notes.txt").write_text("no video")
+    (tmp_path / "nothing").mkdir()
+    uneven = write_folder(tmp_path / "uneven", [*frames[:3], frames[3][:-2]])
+    broken = write_folder(tmp_path / "broken", frames[:3])
+    (broken / "frame1.png").write_bytes(b"no picture")
+    return {
+        "no video or folder of frames at": tmp_path / "nowhere.mp4",
+        "cannot be read as a video": cut,
+        "has no bytes": tmp_path / "empty.mp4",
+        "noise.avi cannot be read": tmp_path / "noise.avi",
+        "videos end in .mp4, .avi, .mov, .mkv; got 'notes.txt'": tmp_path / "notes.txt",
+        "no frames .* are in the folder": tmp_path / "nothing",
+        "first is 160 x 120 pixels and frame 3 is 160 x 118": uneven,
+        "frame1.png is not a picture": broken,
+        "two frames or more; .*one.mp4 has 1": write_video(
+            tmp_path / "one.mp4", frames[:1]
+        ),
+        "two frames or more; the arrays has 0": [],
+        "frame 0 of the arrays must be uint8": [np.zeros((20, 20))],
+        "16 pixels a side or more .* got 20 x 8": [np.zeros((8, 20), np.uint8)] * 2,
+        "expected the path of a video .* got int": 7,
+    }
+
+
+def test_bad_sources_are_named(panned, tmp_path):
+    for words, source in bad_sources(tmp_path, panned).items():
+        with pytest.raises((ValueError, TypeError, FileNotFoundError), match=words):
+            track_video(source)
+
+
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("grid_spacing", 1),
+        ("grid_spacing", 8.0),
+        ("max_error", -1),
+        ("max_error", np.nan),
+        ("min_length", 0),
+        ("min_texture", "low"),
+        ("max_frames", 1),
+        ("max_side", 10),
+    ],
+)
+def test_bad_parameters_are_named(panned, name, value):
+    with pytest.raises((ValueError, TypeError), match=f"{name} must be .* or more"):
+        track_video(panned, **{name: value})
+
+
+def test_without_opencv_the_extra_is_named(panned, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(ImportError, match=r"pip install \"skmotionseg\[video\]\""):
+        track_video(panned)
+
+
+# -------------------------------------------------------------------------- rendering
+
+
+def bgr(colour):
+    return np.array([int(colour[i : i + 2], 16) for i in (5, 3, 1)])
+
+
+@pytest.mark.parametrize("width, height", [(64, 48), (65, 49)])
+def test_a_rendering_has_the_frames_of_the_video(tmp_path, width, height):
+    frames = np.full((7, height, width), 200, dtype=np.uint8)
+    X = np.tile([20.0, 24.0], (1, 7))
+    calls = []
+    render_segmentation(
+        frames,
+        X,
+        [1],
+        tmp_path / "out.mp4",
+        fps=10,
+        progress=lambda *call: calls.append(call),
+    )
+    drawn, fps = read_video(tmp_path / "out.mp4")
+    assert drawn.shape == (7, height + height % 2, width + width % 2, 3)
+    assert fps == pytest.approx(10)
+    assert calls == [(done, 7) for done in range(1, 8)]
+    for frame in drawn:  # the codec blurs a little
+        assert np.abs(frame[24, 20].astype(int) - bgr(COLOURS[1])).max() < 60
+    assert [path.name for path in tmp_path.iterdir()] == ["out.mp4"]
+
+
+def test_a_sheet_shows_points_where_they_are(tmp_path):
+    frames = np.full((4, 60, 80), 200, dtype=np.uint8)
+    X = np.full((3, 8), np.nan)
+    X[0], X[1, :2], X[2] = np.tile([30, 40], 4), [60, 40], np.tile([45, 50], 4)
+    render_segmentation(frames, X, [0, 1, -1], tmp_path / "sheet.png", trail=0)
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet.shape == (2 * 60, 3 * 80, 3)  # four frames, three a row
+    pale = sheet[40, 75]
+    for row, column in ((0, 0), (0, 80), (0, 160), (60, 0)):
+        tile = sheet[row : row + 60, column : column + 80]
+        np.testing.assert_array_equal(tile[40, 30], bgr(COLOURS[0]))
+        seen = (tile[40, 60] == bgr(COLOURS[1])).all()
+        assert seen == (row == column == 0)
+        np.testing.assert_array_equal(tile[50, 45], pale)  # hollow
+        assert not (tile[48:53, 43:48] == pale).all()
+    np.testing.assert_array_equal(sheet[60:, 80:], 255)
+
+
+def test_trails_go_back(tmp_path):
+    frames = np.full((2, 60, 80), 200, dtype=np.uint8)
+    X = [[20, 40, 50, 40]]
+    for trail in (0, 3):
+        render_segmentation(frames, X, [1], tmp_path / "sheet.png", trail=trail)
+        second = cv2.imread(str(tmp_path / "sheet.png"))[:, 80:160]
+        assert (second[40, 35] == bgr(COLOURS[1])).all() == (trail > 0)
+
+
+def test_a_failed_rendering_leaves_what_was_there(panned, tmp_path):
+    out = tmp_path / "out.mp4"
+    out.write_bytes(b"earlier")
+    X = np.zeros((1, 2 * N_FRAMES + 2))
+    with pytest.raises(ValueError, match=rf"{N_FRAMES + 1} frames, but .* {N_FRAMES}"):
+        render_segmentation(panned, X, [0], out)
+    assert out.read_bytes() == b"earlier"
+    assert [path.name for path in tmp_path.iterdir()] == ["out.mp4"]
+
+
+@pytest.mark.parametrize(
+    "labels, out, words",
+    [
+        ([0, 1], "out.mp4", "1 tracks need a label each"),
+        ([0], "out.gif", "end in .mp4 or .png; got out.gif"),
+        ([0], "nowhere/out.mp4", "no folder to write"),
+    ],
+)
+def test_renderings_that_cannot_be(panned, tmp_path, labels, out, words):
+    X = np.zeros((1, 2 * N_FRAMES))
+    with pytest.raises((ValueError, FileNotFoundError), match=words):
+        render_segmentation(panned, X, labels, tmp_path / out)
+    assert not list(tmp_path.iterdir())
+
+
+# ---------------------------------------------------------------------------- command
+
+
+@pytest.fixture(scope="module")
+def clip(crossed, tmp_path_factory):
+    return write_video(tmp_path_factory.mktemp("clip") / "clip.avi", crossed, "MJPG")
+
+
+def run(capsys, *arguments):
+    code = main([str(argument) for argument in arguments])
+    return code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize("ending, picture", [(".npz", ".mp4"), (".csv", ".png")])
+def test_segment_takes_a_video(clip, tmp_path, capsys, monkeypatch, ending, picture):
+    monkeypatch.setenv("COLUMNS", "120")
+    out, drawn = tmp_path / f"out{ending}", tmp_path / f"out{picture}"
+    options = ("--motions", 2, "--out", out, "--render", drawn)
+    code, printed, errors = run(capsys, "segment", clip, *options)
+    assert (code, errors) == (0, "")
+    written = load_tracks(out)
+    points, _ = unpack_tracks(written.data)
+    assert points.shape[1] == N_FRAMES
+    square = on_square(points[:, 0], 0, margin=-6)
+    background = np.isfinite(points[:, 0, 0]) & ~on_square(points[:, 0], 0, margin=6)
+    assert (written.target[square] == 1).mean() > 0.9
+    assert (written.target[background] == 0).mean() > 0.9
+    for motion in (0, 1):
+        n = (written.target == motion).sum()
+        row = rf"│ +{motion} │ +{n} │ +{n / len(points):.1%} │ +12 of 12 │ ● "
+        assert re.search(row + COLOURS[motion], printed)
+    assert "tracking: 12 of 12 done" in printed
+    assert "rendering: 12 of 12 done" in printed
+    if picture == ".mp4":
+        assert read_video(drawn)[0].shape == (N_FRAMES, HEIGHT, WIDTH, 3)
+    else:
+        assert cv2.imread(str(drawn)).shape == (3 * HEIGHT, 3 * WIDTH, 3)
+    if ending == ".npz":
+        assert np.load(out)["fps"] == pytest.approx(12.5)
+
+
+@pytest.mark.filterwarnings("default")
+def test_segment_says_that_a_video_is_cut(clip, tmp_path, capsys):
+    cut = tmp_path / "cut.avi"
+    cut.write_bytes(clip.read_bytes()[: int(0.8 * clip.stat().st_size)])
+    code, _, errors = run(capsys, "segment", cut, "--motions", 2)
+    assert code == 0
+    assert re.fullmatch(r"skmotionseg: warning: .* \d+ of 12 frames .*\n", errors)
+
+
+@pytest.mark.parametrize(
+    "name, content, words",
+    [
+        ("empty.mp4", b"", "has no bytes"),
+        ("noise.mkv", b"noise" * 99, "cannot be read as a video"),
+    ],
+)
+def test_segment_refuses_what_is_no_video(tmp_path, capsys, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    code, _, errors = run(capsys, "segment", tmp_path / name)
+    assert code == 2
+    assert re.fullmatch(f"skmotionseg: .*{words}.*\n", errors)
+
+
+def test_segment_refuses_a_video_without_texture(tmp_path, capsys):
+    path = write_video(tmp_path / "grey.avi", [np.full((64, 64), 90, np.uint8)] * 6)
+    code, _, errors = run(capsys, "segment", path)
+    assert code == 2
+    assert "too little texture" in errors
+
+
+# ------------------------------------------------------------------------ preprocessing
+
+
+def test_select_long_tracks():
+    X = np.arange(24.0).reshape(2, 12)
+    X[1, :4] = np.nan
+    assert select_long_tracks(X).tolist() == [True, False]
+    assert select_long_tracks(X, 4).all()
+    with pytest.raises(ValueError, match="min_length must be an integer of 1"):
+        select_long_tracks(X, 0)
+
+
+def test_select_balanced_tracks():
+    labels = np.repeat([3, 0, -1], [10, 200, 30])
+    kept = select_balanced_tracks(labels, 0.25, random_state=0)
+    assert kept[labels != 0].all()
+    assert kept[labels == 0].sum() == 50
+    again = select_balanced_tracks(labels, 0.25, random_state=0)
+    np.testing.assert_array_equal(kept, again)
+    assert select_balanced_tracks([-1, -1]).all()
+    with pytest.raises(ValueError, match="share must be"):
+        select_balanced_tracks(labels, 0)
+    with pytest.raises(ValueError, match="labels must be a vector of integers"):
+        select_balanced_tracks([[0.5]])
+
+
+def test_select_inliers(scene):
+    X, y = scene
+    kept = select_inliers(X, y)
+    assert kept[y >= 0].mean() > 0.95
+    sliding = np.flatnonzero((y == 0) & (np.isfinite(X).sum(axis=1) > 10))[:3]
+    Z = X.copy()
+    Z[sliding] += 15 * np.sin(np.arange(X.shape[1]) ** 2)
+    assert not select_inliers(Z, y)[sliding].any()
+    assert select_inliers(Z, y, whisker=1e9)[sliding].all()
+    assert not select_inliers(X, np.full_like(y, -1)).any()
+    assert select_inliers(X, np.arange(len(y))).all()  # nobody to compare with
+    with pytest.raises(ValueError, match="need as many labels"):
+        select_inliers(X, y[1:])
+    with pytest.raises(ValueError, match="whisker must be"):
+        select_inliers(X, y, whisker=-1)
+
+
+# -------------------------------------------------------------------------------- core
+
+
+def test_the_log_gives_long_tracks():
+    log = TrackLog()
+    log.record(np.array([0, 1]), np.array([[1.0, 2], [3, 4]]))
+    log.record(np.array([1, 2]), np.array([[5.0, 6], [7, 8]]))
+    nan = np.nan
+    expected = [[[1, 2], [nan, nan]], [[3, 4], [5, 6]], [[nan, nan], [7, 8]]]
+    np.testing.assert_array_equal(log.assemble(1), expected)
+    np.testing.assert_array_equal(log.assemble(2), expected[1:2])
+    assert TrackLog().assemble(1).shape == (0, 0, 2)
+
+
+def test_seeds_are_the_best_pixels_of_open_cells():
+    score = np.zeros((20, 30))  # cells of 10, the texture in two
+    score[3, 4], score[15, 28] = 1, 2
+    none = np.empty((0, 2))
+    assert seed_points(score, 10, 0.5, none).tolist() == [[4, 3], [28, 15]]
+    assert seed_points(score, 10, 1.5, none).tolist() == [[28, 15]]
+    assert seed_points(score, 10, 0.5, np.array([[9.0, 9]])).tolist() == [[28, 15]]
+    near = np.array([[19.4, 15.0], [28.0 - 10 * CLEARANCE + 0.1, 15.0]])
+    assert seed_points(score, 10, 0.5, near).tolist() == [[4, 3]]
+    assert seed_points(score, 7, 0.5, none).tolist() == [[4, 3], [28, 15]]  # cut cells
+
+
+def test_a_field_is_sampled_between_pixels():
+    y, x = np.mgrid[:5, :6].astype(float)
+    field = np.stack([2 * x + y, x - 3 * y], axis=2)
+    points = np.array([[1.25, 2.5], [4.9, 0.1]])
+    expected = np.column_stack(
+        [2 * points[:, 0] + points[:, 1], points[:, 0] - 3 * points[:, 1]]
+    )
+    np.testing.assert_allclose(sample_field(field, points), expected)
+    inside = np.array([[2.5, 2.0]])
+    np.testing.assert_allclose(field_gradient(field, inside), np.sqrt(15))
