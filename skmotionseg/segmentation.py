@@ -15,12 +15,14 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted, check_memory
 
+from ._core.landmarks import choose_landmarks
 from ._core.motion_models import added_motion_models
-from ._core.selection import nearest_labels
+from ._core.selection import canonical_labels, nearest_labels
 from ._core.spectral import connected_tracks
 from ._core.tracks import pack_tracks, unpack_tracks
 from ._parallel import Task, run_tasks
 from ._partition_search import PartitionSearch, search_partitions
+from ._scale import batches, check_batch_size, number_of_landmarks
 from ._threads import single_threaded
 from ._validation import TracksInput, get_fusion, get_motion_model
 from .cluster import MultiModelSpectralClustering
@@ -76,12 +78,20 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
         Numbers to choose from when ``n_motions="auto"``.
+    n_landmarks : int, "auto" or None, default="auto"
+        Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
+        all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
+        above that 800 (2,000), chosen to cover all places, displacements and frames.
+        None fits all, whatever memory that takes: with the square of their number.
+    batch_size : int or "auto", default="auto"
+        Tracks that are placed at a time; "auto" is 2,048.
     memory : str, joblib.Memory or None, default=None
         Caches the affinities of each model, so that fitting the same tracks with
         another ``n_motions``, ``models``, ``fusion``, ``lam``, ``gamma`` or ``delta``
         does not compute them again. Needs an integer ``random_state``.
     n_jobs : int or None, default=None
-        Models at a time, as in joblib, whose ``parallel_config`` says where.
+        Models, and batches of tracks to place, at a time, as in joblib, whose
+        ``parallel_config`` says where.
     random_state : int, RandomState instance or None, default=None
         Drives hypotheses and k-means. A model's hypotheses do not depend on which
         other models there are.
@@ -100,12 +110,15 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         description length only if each two motions gain from being apart.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
         For each, the best partition.
+    landmarks_ : ndarray of int, shape (n_landmarks,)
+        The tracks that were fitted, by their position.
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
-        The fitted estimators of each model.
+        The estimators of each model, fitted on the landmarks.
     stage_seconds_ : dict
         Seconds for "hypotheses" and "kernel" (summed over the models, whether or not
         they ran at the same time, and as first computed if they are from ``memory``),
-        "clustering", and "total" of this fit.
+        "clustering", "placing" of tracks that are no landmarks, and "total" of this
+        fit.
     n_features_in_ : int
         Two columns a frame.
 
@@ -160,6 +173,15 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
+        "n_landmarks": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+            None,
+        ],
+        "batch_size": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+        ],
         "memory": [str, os.PathLike, Memory, None],
         "n_jobs": [Integral, None],
         "random_state": ["random_state"],
@@ -182,6 +204,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         delta=0.2,
         min_motions=1,
         max_motions=10,
+        n_landmarks="auto",
+        batch_size="auto",
         memory=None,
         n_jobs=None,
         random_state=None,
@@ -200,6 +224,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         self.delta = delta
         self.min_motions = min_motions
         self.max_motions = max_motions
+        self.n_landmarks = n_landmarks
+        self.batch_size = batch_size
         self.memory = memory
         self.n_jobs = n_jobs
         self.random_state = random_state
@@ -229,13 +255,42 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         get_fusion(self.fusion)
         points, visibility = self._read_tracks(X, reset=True)
         self._check_counts(len(points))
+        check_batch_size(self.batch_size, len(points))
+        n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         started = time.perf_counter()
         seeds = _model_seeds(check_random_state(self.random_state))
+        self.landmarks_ = _landmarks(points, visibility, n_landmarks, seeds)
+        tracks = pack_tracks(points)
+        branches = self._fit_branches(models, seeds, tracks[self.landmarks_])
+        views = np.stack([affinity for _, _, affinity, _ in branches]).astype(float)
+        selecting = time.perf_counter()
+        search = self._select(
+            points[self.landmarks_],
+            visibility[self.landmarks_],
+            views,
+            seeds["clustering"],
+        )
+        placing = time.perf_counter()
+        self.counts_, self.costs_ = search.counts, search.costs
+        self.candidate_labels_ = self._label_all(tracks, search.labels)
+        self.labels_ = self.candidate_labels_[search.best]
+        self.n_motions_ = int(self.labels_.max()) + 1
+        done = time.perf_counter()
+        self.stage_seconds_ = {
+            "hypotheses": sum(times[0] for *_, times in branches),
+            "kernel": sum(times[1] for *_, times in branches),
+            "clustering": placing - selecting,
+            "placing": done - placing,
+            "total": done - started,
+        }
+        return self
+
+    def _fit_branches(self, models, seeds, tracks):
+        """Fit each model's sampler and kernel, from memory if they are there."""
         memory = self.memory
         if isinstance(memory, os.PathLike):
             memory = os.fspath(memory)
         fit_branch = check_memory(memory).cache(_fit_branch)
-        tracks = pack_tracks(points)
         branches = run_tasks(
             (
                 Task(
@@ -253,20 +308,35 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             model: (sampler, kernel)
             for model, (sampler, kernel, _, _) in zip(models, branches, strict=True)
         }
-        views = np.stack([affinity for _, _, affinity, _ in branches]).astype(float)
-        selecting = time.perf_counter()
-        search = self._select(points, visibility, views, seeds["clustering"])
-        self.stage_seconds_ = {
-            "hypotheses": sum(times[0] for *_, times in branches),
-            "kernel": sum(times[1] for *_, times in branches),
-            "clustering": time.perf_counter() - selecting,
-            "total": time.perf_counter() - started,
-        }
-        self.counts_, self.costs_ = search.counts, search.costs
-        self.candidate_labels_ = search.labels
-        self.labels_ = search.labels[search.best]
-        self.n_motions_ = int(self.labels_.max()) + 1
-        return self
+        return branches
+
+    def _label_all(self, tracks, labels):
+        """Labels (n_partitions, n_tracks), given those of the landmarks."""
+        if len(tracks) == len(self.landmarks_):
+            return labels
+        everything = np.empty((len(labels), len(tracks)), dtype=labels.dtype)
+        everything[:, self.landmarks_] = labels
+        others = np.setdiff1d(np.arange(len(tracks)), self.landmarks_)
+        everything[:, others] = self._place(tracks[others], labels)
+        return np.stack([canonical_labels(partition) for partition in everything])
+
+    def _place(self, tracks, labels):
+        """Labels (n_partitions, m) of tracks, given those of the landmarks."""
+        placed = run_tasks(
+            (
+                Task(
+                    f"placing tracks {batch.start} to {batch.stop - 1}",
+                    _place_batch,
+                    list(self.branches_.values()),
+                    tracks[batch],
+                    labels,
+                )
+                for batch in batches(len(tracks), self.batch_size)
+            ),
+            n_jobs=self.n_jobs,
+            prefer="threads",
+        )
+        return np.concatenate(placed, axis=1)
 
     def _check_counts(self, n_tracks):
         """Refuse numbers of motions that cannot be, before any work."""
@@ -350,21 +420,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         """
         check_is_fitted(self)
         tracks = pack_tracks(self._read_tracks(X, reset=False)[0])
-        rows = run_tasks(
-            (
-                Task(
-                    f"placing tracks by the {model} model",
-                    _transform_branch,
-                    sampler,
-                    kernel,
-                    tracks,
-                )
-                for model, (sampler, kernel) in self.branches_.items()
-            ),
-            n_jobs=self.n_jobs,
-            prefer="threads",
-        )
-        return nearest_labels(sum(rows), self.labels_)
+        return self._place(tracks, self.labels_[None, self.landmarks_])[0]
 
 
 def _make_clusterer(
@@ -525,7 +581,7 @@ def _check_models(models):
 
 def _model_seeds(random_state):
     """One seed for each registered model and one for clustering, always all drawn."""
-    names = [*ALL_MODELS, "clustering"]
+    names = [*ALL_MODELS, "clustering", "landmarks"]
     drawn = random_state.randint(np.iinfo(np.int32).max, size=len(names))
     seeds = dict(zip(names, map(int, drawn), strict=True))
     # Those of added models depend on nothing but their names, for other processes may
@@ -551,7 +607,18 @@ def _fit_branch(sampler, kernel, tracks):
     return sampler, kernel, affinity, (sampled - started, done - sampled)
 
 
-def _transform_branch(sampler, kernel, tracks):
-    return kernel._transform_blocks(
-        len(tracks), sampler._blocks(*unpack_tracks(tracks))
+def _place_batch(branches, tracks, labels):
+    """Labels (n_partitions, m) of tracks by the fitted ones of most affinity."""
+    affinity = sum(
+        kernel._transform_blocks(len(tracks), sampler._blocks(*unpack_tracks(tracks)))
+        for sampler, kernel in branches
     )
+    return np.stack([nearest_labels(affinity, partition) for partition in labels])
+
+
+def _landmarks(points, visibility, n_landmarks, seeds):
+    """Positions of the tracks to fit: all, or a choice."""
+    if n_landmarks == len(points):
+        return np.arange(len(points))
+    rng = np.random.RandomState(seeds["landmarks"])
+    return choose_landmarks(points, visibility, n_landmarks, rng)

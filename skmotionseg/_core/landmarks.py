@@ -38,13 +38,16 @@ def choose_landmarks(points, visibility, n_landmarks, random_state):
         Ascending. Tracks that are seen in no two consecutive frames come last of all.
     """
     channels = _channels(points, visibility)
-    n_seen = (visibility[:, 1:] & visibility[:, :-1]).sum(axis=1)
-    distance = np.ones(len(points))
+    moving = visibility[:, 1:] & visibility[:, :-1]
+    # Each frame has the same say, however few tracks it sees.
+    say = moving @ (1 / np.maximum(moving.sum(axis=0), 1))
+    distance = np.full(len(points), NEVER_MET)
     free = np.ones(len(points), dtype=bool)
     for n_new in np.diff(np.linspace(0, n_landmarks, ROUNDS + 1).astype(int)):
-        new = _draw(distance * n_seen * free, free, n_new, random_state)
+        new = _draw(say * distance * free, free, n_new, random_state)
         free[new] = False
-        np.minimum(distance, _distance_to(channels, new), out=distance)
+        if n_new:
+            np.minimum(distance, _distance_to(channels, new), out=distance)
     return np.flatnonzero(~free)
 
 
@@ -72,8 +75,6 @@ def _channels(points, visibility):
 
 def _draw(weights, free, n_new, random_state):
     """Draw so many tracks without replacement, those of no weight last."""
-    if weights.any():
-        weights = np.minimum(weights, np.quantile(weights[weights > 0], FARTHEST))
     # The largest of u^(1/w) are a draw with weights w (Efraimidis and Spirakis 2006).
     with np.errstate(divide="ignore"):
         keys = np.log(random_state.random_sample(len(weights))) / weights
@@ -98,5 +99,9 @@ def _distance_to(channels, landmarks):
             total = total + np.where(
                 common > 0, squared / np.maximum(common, 1), np.inf
             )
-        nearest[batch] = np.minimum(total.min(axis=1), NEVER_MET)
+        nearest[batch] = total.min(axis=1)
+    met = np.isfinite(nearest)
+    if met.any():
+        nearest = np.minimum(nearest, np.quantile(nearest[met], FARTHEST))
+    nearest[~met] = NEVER_MET
     return np.maximum(nearest, 0)

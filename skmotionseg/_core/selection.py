@@ -44,20 +44,19 @@ def nearest_labels(affinity, labels, n_nearest=5):
     labels : ndarray of int, shape (n,)
         Of the fitted rows; those labelled -1 have no vote.
     n_nearest : int
+        More, where there are ties.
 
     Returns
     -------
     ndarray of int, shape (m,)
         -1 for a row without affinity to any fitted row that has a vote.
     """
-    affinity = affinity * (labels >= 0)
+    if labels.max(initial=-1) < 0:
+        return np.full(len(affinity), -1)
+    affinity = np.where(labels >= 0, affinity, 0).astype(float)  # sums are exact
     n_nearest = min(n_nearest, affinity.shape[1])
-    nearest = np.argsort(-affinity, axis=1, kind="stable")[:, :n_nearest]
-    weights = np.take_along_axis(affinity, nearest, axis=1)
-    votes = np.zeros((len(affinity), max(1, labels.max(initial=0) + 1)))
-    rows = np.arange(len(affinity))
-    for column in range(n_nearest):
-        np.add.at(votes, (rows, labels[nearest[:, column]]), weights[:, column])
+    last = np.partition(affinity, -n_nearest, axis=1)[:, -n_nearest, None]
+    votes = np.where(affinity >= last, affinity, 0) @ indicator(labels)
     return np.where(votes.max(axis=1) > 0, votes.argmax(axis=1), -1)
 
 

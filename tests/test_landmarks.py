@@ -1,0 +1,183 @@
+"""Many tracks: the choice of those that are fitted, and the placing of the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from skmotionseg import MotionSegmenter, _scale, unpack_tracks
+from skmotionseg._core import landmarks
+from skmotionseg._core.landmarks import choose_landmarks
+from skmotionseg._scale import number_of_landmarks
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+
+def choose(X, n_landmarks, seed=0):
+    return choose_landmarks(*unpack_tracks(X), n_landmarks, np.random.RandomState(seed))
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """1,500 tracks: a background and two motions."""
+    return make_rigid_motions(1500, 8, 3, missing=0.1, random_state=0)
+
+
+@pytest.fixture(scope="module")
+def fitted(scene):
+    return MotionSegmenter(3, n_landmarks=300, n_hypotheses=200, random_state=0).fit(
+        scene[0]
+    )
+
+
+# ------------------------------------------------------------------------ the choice
+
+
+@pytest.mark.parametrize("n_landmarks", [1, 2, 15, 16, 17, 333, 1499, 1500])
+def test_as_many_landmarks_as_asked_for(scene, n_landmarks):
+    chosen = choose(scene[0], n_landmarks)
+    assert_array_equal(chosen, np.unique(chosen))
+    assert len(chosen) == n_landmarks
+
+
+def test_the_choice_depends_on_the_seed_alone(scene):
+    assert_array_equal(choose(scene[0], 100), choose(scene[0], 100))
+    assert (choose(scene[0], 100) != choose(scene[0], 100, seed=1)).any()
+
+
+def test_the_choice_does_not_depend_on_the_batch(scene, monkeypatch):
+    whole = choose(scene[0], 200)
+    monkeypatch.setattr(landmarks, "TRACKS_A_BATCH", 100)
+    assert np.isin(choose(scene[0], 200), whole).mean() > 0.99  # but for rounding
+
+
+def test_a_small_motion_gets_more_landmarks_than_by_chance():
+    X, y = make_rigid_motions(4000, 8, 2, missing=0, random_state=1)
+    small = np.r_[np.flatnonzero(y == 0)[:1960], np.flatnonzero(y == 1)[:40]]
+    shares = [np.isin(choose(X[small], 200, s), np.arange(1960, 2000)) for s in (0, 1)]
+    assert np.mean(shares) > 1.5 * 40 / 2000
+
+
+def test_landmarks_cover_all_frames():
+    """Half of the tracks live in the first frames, a fiftieth in the last."""
+    X, _ = make_rigid_motions(1000, 20, 1, missing=0, random_state=0)
+    points = X.reshape(1000, 20, 2)
+    points[:980, 10:] = np.nan
+    points[980:, :10] = np.nan
+    chosen = choose(points.reshape(1000, -1), 100)
+    assert np.isin(chosen, np.arange(980, 1000)).sum() >= 8
+
+
+def test_tracks_seen_in_no_two_frames_in_a_row_come_last(scene):
+    X = scene[0][:100].copy()
+    X[:50, 2:] = np.nan
+    assert choose(X, 50).min() == 50
+    assert len(choose(X, 70)) == 70
+
+
+def test_equal_tracks_can_be_chosen_among(scene):
+    X = np.repeat(scene[0][:1], 50, axis=0)
+    assert len(choose(X, 20)) == 20
+
+
+# ------------------------------------------------------------------------ the number
+
+
+@pytest.mark.parametrize(
+    ("n_tracks", "seen", "expected"),
+    [
+        (1200, 20, 1200),
+        (1201, 20, 800),
+        (50_000, 20, 800),
+        (3000, 1, 3000),
+        (3001, 1, 2000),
+    ],
+)
+def test_few_tracks_are_all_fitted_and_many_by_landmarks(n_tracks, seen, expected):
+    visibility = np.zeros((n_tracks, 20), dtype=bool)
+    visibility[:, :seen] = True
+    assert number_of_landmarks("auto", visibility, 3) == expected
+
+
+def test_all_tracks_are_fitted_where_that_is_asked_for():
+    assert number_of_landmarks(None, np.ones((2000, 3), dtype=bool), 3) == 2000
+
+
+def test_too_many_tracks_for_the_memory_are_an_error_before_any_work():
+    with pytest.raises(MemoryError, match=r"takes about .* GiB .*n_landmarks='auto'"):
+        number_of_landmarks(None, np.ones((10_000_000, 1), dtype=bool), 3)
+
+
+def test_much_memory_is_announced(monkeypatch):
+    monkeypatch.setattr(_scale, "SMALL_BYTES", 10**6)
+    with pytest.warns(UserWarning, match="takes about 0.0 GiB"):
+        number_of_landmarks(None, np.ones((100, 3), dtype=bool), 3)
+
+
+def test_where_the_system_does_not_say_what_is_free_it_is_tried(monkeypatch):
+    monkeypatch.setattr(_scale, "_free_bytes", lambda: None)
+    with pytest.warns(UserWarning):
+        assert number_of_landmarks(None, np.ones((10**6, 1), dtype=bool), 3) == 10**6
+
+
+@pytest.mark.parametrize("name", ["n_landmarks", "batch_size"])
+@pytest.mark.parametrize("value", [0, -1, 1501, 2.5, "all"])
+def test_bad_numbers_are_errors(scene, name, value):
+    segmenter = MotionSegmenter(**{name: value})
+    with pytest.raises(ValueError, match=rf"{name}.*{value}"):
+        segmenter.fit(scene[0])
+
+
+# ------------------------------------------------------------------------- the placing
+
+
+def test_tracks_that_are_not_fitted_are_placed(scene, fitted):
+    X, y = scene
+    assert len(fitted.landmarks_) == 300
+    assert fitted.labels_.shape == y.shape
+    assert misclassification_error(y, fitted.labels_) < 0.02
+    assert fitted.candidate_labels_.shape == (1, len(X))
+
+
+def test_the_largest_motion_comes_first(fitted):
+    assert (np.diff(np.bincount(fitted.labels_)) <= 0).all()
+
+
+def test_tracks_are_placed_by_predict_where_fit_put_them(scene, fitted):
+    X, _ = scene
+    others = np.setdiff1d(np.arange(len(X)), fitted.landmarks_)
+    assert_array_equal(fitted.predict(X[others]), fitted.labels_[others])
+
+
+@pytest.mark.parametrize("batch_size", [1, 63, 64, 1000])
+def test_labels_do_not_depend_on_the_batch(scene, fitted, batch_size):
+    few = MotionSegmenter(**{**fitted.get_params(), "batch_size": batch_size})
+    X = scene[0] if batch_size > 1 else scene[0][:330]
+    expected = (
+        fitted if batch_size > 1 else MotionSegmenter(**fitted.get_params()).fit(X)
+    )
+    assert_array_equal(few.fit(X).labels_, expected.labels_)
+
+
+@pytest.mark.parametrize("n_jobs", [2, -1])
+def test_labels_do_not_depend_on_the_jobs(scene, fitted, n_jobs):
+    many = MotionSegmenter(**{**fitted.get_params(), "n_jobs": n_jobs})
+    assert_array_equal(many.fit(scene[0]).labels_, fitted.labels_)
+
+
+def test_all_tracks_as_landmarks_are_the_exact_fit(scene):
+    X = scene[0][:200]
+    exact, all_of_them = (
+        MotionSegmenter(3, n_landmarks=n, n_hypotheses=100, random_state=0).fit(X)
+        for n in (None, 200)
+    )
+    assert_array_equal(exact.labels_, all_of_them.labels_)
+    assert_array_equal(exact.landmarks_, np.arange(200))
+
+
+def test_a_track_seen_once_is_placed_nowhere(scene):
+    X = scene[0].copy()
+    X[7, 2:] = np.nan
+    segmenter = MotionSegmenter(3, n_landmarks=300, n_hypotheses=100, random_state=0)
+    assert segmenter.fit(X).labels_[7] == -1
