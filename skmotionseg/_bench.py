@@ -10,6 +10,7 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from ._bench_regions import REGION_LOADERS, has_regions, measure_regions
+from ._parallel import Task
 from .datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from .metrics import misclassification_error
 from .segmentation import ALL_MODELS, MotionSegmenter
@@ -82,7 +83,16 @@ def run(sequences, methods, seeds, n_jobs):
         A record a method.
     """
     yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
-        delayed(bench_sequence)(dataset, sequence, methods, seed)
+        delayed(
+            Task(
+                f"segmenting {sequence.name}",
+                bench_sequence,
+                dataset,
+                sequence,
+                methods,
+                seed,
+            )
+        )()
         for seed in range(seeds)
         for dataset, sequence in sequences
     )

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import sys
 from functools import lru_cache, wraps
 from threading import Lock
 
 from threadpoolctl import ThreadpoolController
 
 
-@lru_cache(maxsize=1)
 def _controllers():
     """Those of OpenMP and of BLAS; each leaves the other alone."""
-    every = ThreadpoolController()  # looks through the loaded libraries: done once
+    # Looking through the loaded libraries takes milliseconds. What is imported later
+    # may bring libraries of its own, as OpenCV does.
+    return _controllers_of(len(sys.modules))
+
+
+@lru_cache(maxsize=1)
+def _controllers_of(n_modules):
+    every = ThreadpoolController()
     return every.select(user_api="openmp"), every.select(user_api="blas")
 
 

@@ -56,6 +56,8 @@ class TracksInput:
             If ``X`` is not a dense real matrix, has an odd number of columns or
             fewer than four, or holds infinities.
         """
+        if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
+            X = X.astype(float).filled(np.nan)  # masked is unseen
         X = validate_data(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import zlib
 from numbers import Integral, Real
 
 import numpy as np
@@ -13,24 +12,27 @@ from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
-from sklearn.utils.validation import check_is_fitted, check_memory
+from sklearn.utils.validation import check_is_fitted
 
-from ._core.landmarks import choose_landmarks
-from ._core.motion_models import added_motion_models
-from ._core.selection import canonical_labels, nearest_labels
+from ._branches import (
+    ALL_MODELS,
+    check_models,
+    fit_branches,
+    make_branch,
+    model_seeds,
+    place_tracks,
+)
+from ._core.selection import canonical_labels
 from ._core.spectral import connected_tracks
-from ._core.tracks import pack_tracks, unpack_tracks
-from ._parallel import Task, run_tasks
+from ._core.tracks import pack_tracks
+from ._landmarks import landmarks_of
 from ._partition_search import PartitionSearch, search_partitions
-from ._scale import batches, check_batch_size, number_of_landmarks
+from ._scale import check_batch_size, number_of_landmarks
 from ._threads import single_threaded
-from ._validation import TracksInput, get_fusion, get_motion_model
+from ._validation import TracksInput, get_fusion
 from .cluster import MultiModelSpectralClustering
-from .kernels import ORKKernel
 from .model_selection import NCREModelSelector
-from .sampling import HypothesisSampler
 
-ALL_MODELS = ("affine", "homography", "fundamental")
 # One exponent of the epsilon-neighbourhood for all data, where there is but one.
 NCRE_SPARSITY = 6.0
 # Restarts of k-means for each of many candidates; a single partition gets more.
@@ -81,7 +83,9 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     n_landmarks : int, "auto" or None, default="auto"
         Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
         all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
-        above that 800 (2,000), chosen to cover all places, displacements and frames.
+        above that 600 (1,500): as many from each of 30 pieces into which a first look
+        at tracks from all places and frames has cut the video, so that a small thing
+        is not outvoted.
         None fits all, whatever memory that takes: with the square of their number.
     batch_size : int or "auto", default="auto"
         Tracks that are placed at a time; "auto" is 2,048.
@@ -115,10 +119,10 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted on the landmarks.
     stage_seconds_ : dict
-        Seconds for "hypotheses" and "kernel" (summed over the models, whether or not
-        they ran at the same time, and as first computed if they are from ``memory``),
-        "clustering", "placing" of tracks that are no landmarks, and "total" of this
-        fit.
+        Seconds for the choice of "landmarks", for "hypotheses" and "kernel" (summed
+        over the models, whether or not they ran at the same time, and as first computed
+        if they are from ``memory``), "clustering", "placing" of tracks that are no
+        landmarks, and "total" of this fit.
     n_features_in_ : int
         Two columns a frame.
 
@@ -251,18 +255,25 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             If there are fewer tracks in each frame pair than a model needs, or fewer
             than ``n_motions`` that share a preference with another.
         """
-        models = _check_models(self.models)
+        models = check_models(self.models)
         get_fusion(self.fusion)
         points, visibility = self._read_tracks(X, reset=True)
         self._check_counts(len(points))
         check_batch_size(self.batch_size, len(points))
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         started = time.perf_counter()
-        seeds = _model_seeds(check_random_state(self.random_state))
-        self.landmarks_ = _landmarks(points, visibility, n_landmarks, seeds)
+        seeds = model_seeds(check_random_state(self.random_state))
         tracks = pack_tracks(points)
-        branches = self._fit_branches(models, seeds, tracks[self.landmarks_])
-        views = np.stack([affinity for _, _, affinity, _ in branches]).astype(float)
+        self.landmarks_ = landmarks_of(
+            tracks, n_landmarks, models, seeds, self.batch_size, self.n_jobs
+        )
+        choosing = time.perf_counter()
+        self.branches_, views, seconds = fit_branches(
+            {model: self._make_branch(model, seeds[model]) for model in models},
+            tracks[self.landmarks_],
+            self.n_jobs,
+            self.memory,
+        )
         selecting = time.perf_counter()
         search = self._select(
             points[self.landmarks_],
@@ -277,38 +288,14 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         self.n_motions_ = int(self.labels_.max()) + 1
         done = time.perf_counter()
         self.stage_seconds_ = {
-            "hypotheses": sum(times[0] for *_, times in branches),
-            "kernel": sum(times[1] for *_, times in branches),
+            "landmarks": choosing - started,
+            "hypotheses": seconds[0],
+            "kernel": seconds[1],
             "clustering": placing - selecting,
             "placing": done - placing,
             "total": done - started,
         }
         return self
-
-    def _fit_branches(self, models, seeds, tracks):
-        """Fit each model's sampler and kernel, from memory if they are there."""
-        memory = self.memory
-        if isinstance(memory, os.PathLike):
-            memory = os.fspath(memory)
-        fit_branch = check_memory(memory).cache(_fit_branch)
-        branches = run_tasks(
-            (
-                Task(
-                    f"fitting the {model} model",
-                    fit_branch,
-                    *self._make_branch(model, seeds[model]),
-                    tracks,
-                )
-                for model in models
-            ),
-            n_jobs=self.n_jobs,
-            prefer="threads",
-        )
-        self.branches_ = {
-            model: (sampler, kernel)
-            for model, (sampler, kernel, _, _) in zip(models, branches, strict=True)
-        }
-        return branches
 
     def _label_all(self, tracks, labels):
         """Labels (n_partitions, n_tracks), given those of the landmarks."""
@@ -321,22 +308,9 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         return np.stack([canonical_labels(partition) for partition in everything])
 
     def _place(self, tracks, labels):
-        """Labels (n_partitions, m) of tracks, given those of the landmarks."""
-        placed = run_tasks(
-            (
-                Task(
-                    f"placing tracks {batch.start} to {batch.stop - 1}",
-                    _place_batch,
-                    list(self.branches_.values()),
-                    tracks[batch],
-                    labels,
-                )
-                for batch in batches(len(tracks), self.batch_size)
-            ),
-            n_jobs=self.n_jobs,
-            prefer="threads",
+        return place_tracks(
+            self.branches_, tracks, labels, self.batch_size, self.n_jobs
         )
-        return np.concatenate(placed, axis=1)
 
     def _check_counts(self, n_tracks):
         """Refuse numbers of motions that cannot be, before any work."""
@@ -352,7 +326,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             )
 
     def _make_branch(self, model, seed):
-        return _make_branch(
+        return make_branch(
             model,
             seed,
             n_hypotheses=self.n_hypotheses,
@@ -516,7 +490,7 @@ def make_motion_pipeline(
     >>> pipeline.set_params(affinity__affine="drop").fit_predict(X).shape
     (70,)
     """
-    seeds = _model_seeds(check_random_state(random_state))
+    seeds = model_seeds(check_random_state(random_state))
     branch_parameters = {
         "n_hypotheses": n_hypotheses,
         "frame_gap": frame_gap,
@@ -526,7 +500,7 @@ def make_motion_pipeline(
     }
     branches = [
         (model, _branch_pipeline(model, seeds[model], memory, **branch_parameters))
-        for model in _check_models(models)
+        for model in check_models(models)
     ]
     clusterer = _make_clusterer(
         n_clusters,
@@ -544,81 +518,9 @@ def make_motion_pipeline(
 
 
 def _branch_pipeline(model, seed, memory, **parameters):
-    sampler, kernel = _make_branch(model, seed, **parameters)
+    sampler, kernel = make_branch(model, seed, **parameters)
     # Pipeline never caches its last step, so the kernel must not be the last.
     return Pipeline(
         [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
         memory=memory,
     )
-
-
-def _make_branch(
-    model, seed, *, n_hypotheses, frame_gap, top, sparsity, covisibility_prior
-):
-    """A sampler and a kernel that agree on the number of hypotheses."""
-    sampler = HypothesisSampler(
-        model, n_hypotheses=n_hypotheses, frame_gap=frame_gap, random_state=seed
-    )
-    kernel = ORKKernel(
-        n_hypotheses=n_hypotheses,
-        top=top,
-        sparsity=sparsity,
-        covisibility_prior=covisibility_prior,
-    )
-    return sampler, kernel
-
-
-def _check_models(models):
-    """Names of the models, the simplest first, in whatever order they were given."""
-    names = [models] if isinstance(models, str) else list(models)
-    if not names:
-        raise ValueError("models must name at least one motion model; got none")
-    if len(set(names)) < len(names):
-        raise ValueError(f"models must differ; got {names}")
-    models = sorted(map(get_motion_model, names), key=lambda m: m.minimal_size)
-    return [model.name for model in models]
-
-
-def _model_seeds(random_state):
-    """One seed for each registered model and one for clustering, always all drawn."""
-    names = [*ALL_MODELS, "clustering", "landmarks"]
-    drawn = random_state.randint(np.iinfo(np.int32).max, size=len(names))
-    seeds = dict(zip(names, map(int, drawn), strict=True))
-    # Those of added models depend on nothing but their names, for other processes may
-    # know other models, or know them in another order.
-    for name in added_motion_models():
-        if name not in seeds:
-            entropy = [seeds["clustering"], zlib.crc32(name.encode())]
-            seeds[name] = int(np.random.SeedSequence(entropy).generate_state(1)[0])
-    return seeds
-
-
-def _fit_branch(sampler, kernel, tracks):
-    """Fit one model's sampler and kernel; give them, the affinity and the seconds.
-
-    The residuals go from one to the other a frame pair at a time: all of them would be
-    the largest array by far.
-    """
-    started = time.perf_counter()
-    sampler.fit(tracks)
-    sampled = time.perf_counter()
-    affinity = kernel._fit_blocks(len(tracks), sampler._blocks(*unpack_tracks(tracks)))
-    done = time.perf_counter()
-    return sampler, kernel, affinity, (sampled - started, done - sampled)
-
-
-def _place_batch(branches, tracks, labels):
-    """Labels (n_partitions, m) of tracks by the fitted ones of most affinity."""
-    affinity = sum(
-        kernel._transform_blocks(len(tracks), sampler._blocks(*unpack_tracks(tracks)))
-        for sampler, kernel in branches
-    )
-    return np.stack([nearest_labels(affinity, partition) for partition in labels])
-
-
-def _landmarks(points, visibility, n_landmarks, seeds):
-    """Positions of the tracks to fit: all, or a choice."""
-    if n_landmarks == len(points):
-        return np.arange(len(points))
-    rng = np.random.RandomState(seeds["landmarks"])
-    return choose_landmarks(points, visibility, n_landmarks, rng)

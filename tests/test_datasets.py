@@ -558,3 +558,10 @@ def test_real_dense_tracks_hold_the_labelled_ones(real_data):
     for clip in load_kt3dmoseg(real_data / "KT3DMoSeg"):
         assert len(clip.dense_data) > 1000
         assert_array_equal(clip.dense_data[clip.dense_index], clip.data)
+
+
+def test_a_frame_number_beyond_reason_is_an_error_and_no_huge_array(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,x,y\n0,0,1,2\n0,1000000000,3,4\n")
+    with pytest.raises(ValueError, match="1 tracks in 1000000001 frames are more than"):
+        load_tracks(path)

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter, _scale, unpack_tracks
 from skmotionseg._core import landmarks
-from skmotionseg._core.landmarks import choose_landmarks
+from skmotionseg._core.landmarks import choose_landmarks, draw_evenly
 from skmotionseg._scale import number_of_landmarks
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -81,6 +81,21 @@ def test_equal_tracks_can_be_chosen_among(scene):
     assert len(choose(X, 20)) == 20
 
 
+def test_groups_give_as_many_or_all_they_have():
+    labels = np.repeat([0, 1, 2, -1], [100, 50, 3, 30])
+    drawn = draw_evenly(labels, 60, np.random.RandomState(0))
+    assert_array_equal(drawn, np.unique(drawn))
+    counts = [np.sum(labels[drawn] == group) for group in (0, 1, 2, -1)]
+    assert counts == [19, 19, 3, 19]
+
+
+def test_a_small_motion_in_a_dense_scene_is_found():
+    X, y = make_rigid_motions(6000, 10, 2, missing=0, random_state=0)
+    small = np.r_[np.flatnonzero(y == 0)[:2940], np.flatnonzero(y == 1)[:60]]
+    labels = MotionSegmenter(2, random_state=0).fit_predict(X[small])
+    assert misclassification_error(y[small], labels) < 0.002
+
+
 # ------------------------------------------------------------------------ the number
 
 
@@ -88,10 +103,10 @@ def test_equal_tracks_can_be_chosen_among(scene):
     ("n_tracks", "seen", "expected"),
     [
         (1200, 20, 1200),
-        (1201, 20, 800),
-        (50_000, 20, 800),
+        (1201, 20, 600),
+        (50_000, 20, 600),
         (3000, 1, 3000),
-        (3001, 1, 2000),
+        (3001, 1, 1500),
     ],
 )
 def test_few_tracks_are_all_fitted_and_many_by_landmarks(n_tracks, seen, expected):

@@ -308,3 +308,14 @@ def test_a_motion_seen_briefly_in_a_long_clip_is_looked_at():
         X[row, np.repeat((frames < birth) | (frames > birth + 15), 2)] = np.nan
     geometry = clip_geometry(*unpack_tracks(X))
     assert geometry.seen[:, y == 1].any(axis=0).all()
+
+
+def test_masked_points_are_unseen():
+    X, _ = make_rigid_motions(60, 5, 2, missing=0.2, random_state=0)
+    masked = np.ma.masked_invalid(X)
+    masked.data[masked.mask] = 7.0  # what is under a mask does not count
+    expected, labels = (
+        MotionSegmenter(2, n_hypotheses=50, random_state=0).fit_predict(tracks)
+        for tracks in (X, masked)
+    )
+    assert_array_equal(labels, expected)

@@ -51,6 +51,31 @@ def choose_landmarks(points, visibility, n_landmarks, random_state):
     return np.flatnonzero(~free)
 
 
+def draw_evenly(labels, n_drawn, random_state):
+    """Draw as many members of each group, or all where a group has not so many.
+
+    Parameters
+    ----------
+    labels : ndarray of int, shape (n,)
+        Those of -1 are a group, too.
+    n_drawn : int
+        At most ``n``.
+    random_state : numpy.random.RandomState
+
+    Returns
+    -------
+    ndarray of int, shape (n_drawn,)
+        Ascending.
+    """
+    names, sizes = np.unique(labels, return_counts=True)
+    drawn, order = [], np.argsort(sizes, kind="stable")
+    for n_left, group in zip(range(len(names), 0, -1), order, strict=True):
+        share = min(sizes[group], (n_drawn - sum(map(len, drawn))) // n_left)
+        members = np.flatnonzero(labels == names[group])
+        drawn.append(random_state.permutation(members)[:share])
+    return np.sort(np.concatenate(drawn))
+
+
 def _channels(points, visibility):
     """Places and displacements in units of their spread, 0 where unseen, and masks.
 

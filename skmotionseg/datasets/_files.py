@@ -11,7 +11,7 @@ import scipy.io
 from sklearn.utils import Bunch
 
 from .._core.tracks import pack_tracks, unpack_tracks
-from ._moseg import read_moseg_tracks
+from ._moseg import MAX_ENTRIES, read_moseg_tracks
 from ._trackers import read_npz
 
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
@@ -215,7 +215,13 @@ def _read_observations(header, rows):
     frame -= frame.min()
     if len(set(zip(row, frame, strict=True))) < len(row):
         raise ValueError("a track is seen twice in the same frame")
-    points = np.full((len(tracks), frame.max() + 1, 2), np.nan)
+    n_frames = int(frame.max()) + 1
+    if len(tracks) * n_frames > MAX_ENTRIES:
+        raise ValueError(
+            f"{len(tracks)} tracks in {n_frames} frames are more than {MAX_ENTRIES} "
+            "entries"
+        )
+    points = np.full((len(tracks), n_frames, 2), np.nan)
     points[row, frame, 0], points[row, frame, 1] = columns["x"], columns["y"]
     labels = None
     if "label" in columns:
