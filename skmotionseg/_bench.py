@@ -82,19 +82,20 @@ def run(sequences, methods, seeds, n_jobs):
     list of dict
         A record a method.
     """
-    yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
-        delayed(
-            Task(
-                f"segmenting {sequence.name}",
-                bench_sequence,
-                dataset,
-                sequence,
-                methods,
-                seed,
-            )
-        )()
+    tasks = (
+        Task(
+            f"segmenting {sequence.name}",
+            bench_sequence,
+            dataset,
+            sequence,
+            methods,
+            seed,
+        )
         for seed in range(seeds)
         for dataset, sequence in sequences
+    )
+    yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
+        delayed(task)() for task in tasks
     )
 
 

@@ -86,13 +86,15 @@ def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster):
     X, _ = scene
 
     def fit():
-        segmenter = MotionSegmenter(n_motions, max_motions=3, n_jobs=2, **SMALL)
+        segmenter = MotionSegmenter(
+            n_motions, max_motions=3, batch_size=20, n_jobs=2, **SMALL
+        )
         segmenter.fit(X[::2])
         return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
 
     assert_same(fit(), run_here(fit))
     assert was_run(cluster, "fitting the homography model")
-    assert was_run(cluster, "placing tracks by the homography model")
+    assert was_run(cluster, "placing tracks 0 to 19")
 
 
 @pytest.mark.parametrize("n_jobs", [None, 2])
