@@ -83,8 +83,11 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
     sparse = [_sparse_views(views, alpha) for alpha in sparsities]
     lengths = GroupLengths(clip_geometry(points[connected], visibility[connected]))
     mean_affinity = views.mean(axis=0)
-    best = {}
+    best, tried = {}, set()
     for labels in _candidates(sparse, mean_affinity, counts, most, lengths, clusterer):
+        if labels.tobytes() in tried:
+            continue
+        tried.add(labels.tobytes())
         count = labels.max() + 1
         cut = sum(normalized_cut(view, labels) for view in sparse[-1])
         length = lengths.of_partition(labels)

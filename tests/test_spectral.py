@@ -169,7 +169,7 @@ def test_the_graph_has_no_more_eigenvectors_than_tracks():
     graph = ViewGraph.from_affinities(views(n=9), 20)
     assert graph.n_leading == 9
     assert [len(values) for values, _ in graph.view_spectra] == [9, 9, 9]
-    assert graph.sum_vectors.shape == (9, 9)
+    assert graph.sum_spectrum[1].shape == (9, 9)
 
 
 @every_fusion
@@ -184,7 +184,7 @@ def test_a_fusion_leaves_the_graph_as_it_was(fusion):
 
     def arrays():
         spectra = [array for spectrum in graph.view_spectra for array in spectrum]
-        return [graph.normalized, graph.sum_vectors, *spectra]
+        return [graph.normalized, *graph.sum_spectrum, *spectra]
 
     before = [array.copy() for array in arrays()]
     FUSIONS[fusion](graph, 3, lam=0.3, gamma=0.3, max_iter=3, tol=0)

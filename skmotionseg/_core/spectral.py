@@ -62,9 +62,9 @@ class ViewGraph:
         return [spectrum(N) for N in self.normalized]
 
     @cached_property
-    def sum_vectors(self):
-        """Leading eigenvectors of the sum of the views, (n, n_leading)."""
-        return leading_eigenvectors(self.normalized.sum(axis=0), self.n_leading)[1]
+    def sum_spectrum(self):
+        """Leading eigenvalues and eigenvectors, (n, n_leading), of the sum of views."""
+        return leading_eigenvectors(self.normalized.sum(axis=0), self.n_leading)
 
 
 @dataclass(frozen=True)
@@ -238,9 +238,11 @@ def kernel_addition(graph, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=
     -------
     Fusion
     """
-    U = graph.sum_vectors[:, :n_clusters]
-    embeddings = np.stack([U] * len(graph.normalized))
-    return Fusion(embeddings, np.array([_cut_cost(graph, embeddings)]))
+    values, vectors = graph.sum_spectrum
+    n_views = len(graph.normalized)
+    embeddings = np.stack([vectors[:, :n_clusters]] * n_views)
+    cost = n_views * n_clusters - values[:n_clusters].sum()
+    return Fusion(embeddings, np.array([cost]))
 
 
 def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
