@@ -10,7 +10,7 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from ._bench_regions import REGION_LOADERS, has_regions, measure_regions
-from ._parallel import Task
+from ._tasks import Task
 from .datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from .metrics import misclassification_error
 from .segmentation import ALL_MODELS, MotionSegmenter

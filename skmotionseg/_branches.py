@@ -12,8 +12,9 @@ from sklearn.utils.validation import check_memory
 from ._core.motion_models import added_motion_models
 from ._core.selection import nearest_labels
 from ._core.tracks import unpack_tracks
-from ._parallel import Task, run_tasks
+from ._parallel import run_tasks
 from ._scale import batches
+from ._tasks import Task
 from ._validation import get_motion_model
 from .kernels import ORKKernel
 from .sampling import HypothesisSampler

@@ -9,7 +9,7 @@ import cloudpickle
 from joblib import parallel_config
 from joblib._dask import DaskDistributedBackend
 
-from ._parallel import noting
+from ._tasks import noting
 
 # Tasks that are given up at the same time are heard of within so long.
 SECONDS_FOR_OTHERS = 0.2

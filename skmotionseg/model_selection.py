@@ -18,7 +18,8 @@ from ._core.selection import (
     reconstruction_error,
 )
 from ._core.spectral import ViewGraph
-from ._parallel import Task, run_tasks
+from ._parallel import run_tasks
+from ._tasks import Task
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering

@@ -21,7 +21,8 @@ from skmotionseg._core.motion_models import (
     receive_motion_models,
     translation_map,
 )
-from skmotionseg._parallel import Task, run_tasks
+from skmotionseg._parallel import run_tasks
+from skmotionseg._tasks import Task
 from skmotionseg.datasets import make_rigid_motions
 
 SMALL = {"n_hypotheses": 50, "random_state": 0}
