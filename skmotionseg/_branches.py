@@ -20,6 +20,9 @@ from .kernels import ORKKernel
 from .sampling import HypothesisSampler
 
 ALL_MODELS = ("affine", "homography", "fundamental")
+# Frame pairs that tell whom a track moves with. Where the fitted ones are seen in twice
+# as many or more, every second pair, or fewer, is looked at.
+PAIRS_TO_PLACE = 12
 
 
 def make_branch(
@@ -157,8 +160,10 @@ def place_tracks(branches, tracks, labels, batch_size, n_jobs):
 
 def _place_batch(branches, tracks, labels):
     """Labels (n_partitions, m) of tracks by the fitted ones of most affinity."""
-    affinity = sum(
-        kernel._transform_blocks(len(tracks), sampler._blocks(*unpack_tracks(tracks)))
-        for sampler, kernel in branches
-    )
+    tracks = unpack_tracks(tracks)
+    affinity = 0
+    for sampler, kernel in branches:
+        every = max(1, int(kernel._median_pairs // PAIRS_TO_PLACE))
+        blocks = sampler._blocks(*tracks, every)
+        affinity += kernel._transform_blocks(len(tracks[0]), blocks, every)
     return np.stack([nearest_labels(affinity, partition) for partition in labels])

@@ -41,6 +41,7 @@ def add_segment(commands):
         "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
     )
     segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
+    segment.add_argument("--jobs", type=int, default=-1, help="at a time (all)")
     segment.add_argument(
         "--out",
         type=Path,
@@ -79,9 +80,9 @@ def _segment(arguments):
     read = _track_video if video else _load_tracks
     sequence = read(arguments, console)
     with console.status("segmenting ..."):
-        segmenter = MotionSegmenter(arguments.motions, random_state=arguments.seed).fit(
-            sequence.data
-        )
+        segmenter = MotionSegmenter(
+            arguments.motions, n_jobs=arguments.jobs, random_state=arguments.seed
+        ).fit(sequence.data)
     labels = segmenter.labels_
     if arguments.render is not None:
         draw = _render_video if video else _draw_tracks

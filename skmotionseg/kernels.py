@@ -163,7 +163,8 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             In [0, 1]. The fitted rows give what :meth:`fit_transform` gave.
         """
         check_is_fitted(self)
-        return self._affinity_to_fitted(self._read_preferences(X, reset=False))
+        preferences = self._read_preferences(X, reset=False)
+        return self._affinity_to_fitted(preferences, self._preferences)
 
     @single_threaded
     def _fit_blocks(self, n_tracks, blocks):
@@ -173,19 +174,25 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return self._fit_affinity(preferences)
 
     @single_threaded
-    def _transform_blocks(self, n_tracks, blocks):
-        """What ``transform`` does, from a frame pair's residuals at a time."""
+    def _transform_blocks(self, n_tracks, blocks, every=1):
+        """What ``transform`` does, from residuals of every so many frame pairs."""
         preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
-        return self._affinity_to_fitted(preferences)
+        fitted = self._preferences.every(every)
+        return self._affinity_to_fitted(preferences, fitted)
+
+    @property
+    def _median_pairs(self):
+        """Frame pairs in which half of the fitted rows are seen."""
+        return np.median(self._preferences.seen.sum(axis=1))
 
     def _fit_affinity(self, preferences):
         self._preferences = preferences
-        affinity = self._affinity(preferences)
+        affinity = self._affinity(preferences, preferences)
         self.thresholds_ = self._thresholds(affinity, preferences)
         return self._sparsify(affinity, self.thresholds_)
 
-    def _affinity_to_fitted(self, preferences):
-        affinity = self._affinity(preferences)
+    def _affinity_to_fitted(self, preferences, fitted):
+        affinity = self._affinity(preferences, fitted)
         return self._sparsify(affinity, self._thresholds(affinity, preferences))
 
     @property
@@ -212,10 +219,10 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         blocks = blocks_of_matrix(X, self.n_hypotheses)
         return Preferences.from_blocks(len(X), blocks, self._n_top)
 
-    def _affinity(self, preferences):
+    def _affinity(self, preferences, others):
         return covisible_affinity(
-            co_occurrence(preferences, self._preferences),
-            common_pairs(preferences, self._preferences),
+            co_occurrence(preferences, others),
+            common_pairs(preferences, others),
             self._n_top,
             self.covisibility_prior,
         )

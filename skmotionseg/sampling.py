@@ -182,9 +182,12 @@ class HypothesisSampler(
     def _residuals(self, points, visibility):
         return residual_matrix(points, visibility, *self._residual_arguments)
 
-    def _blocks(self, points, visibility):
-        """What ``transform`` gives, a frame pair at a time."""
-        return residual_blocks(points, visibility, *self._residual_arguments)
+    def _blocks(self, points, visibility, every=1):
+        """What ``transform`` gives, a frame pair at a time, or every so many."""
+        pairs, hypotheses, *others = self._residual_arguments
+        return residual_blocks(
+            points, visibility, pairs[::every], hypotheses[::every], *others
+        )
 
     @property
     def _residual_arguments(self):

@@ -55,6 +55,12 @@ class Preferences:
             seen[rows, pair] = True
         return seen
 
+    def every(self, step):
+        """Those of every so many pairs."""
+        if step == 1:
+            return self
+        return Preferences(self.n_tracks, self.rows[::step], self.marks[::step])
+
     @cached_property
     def rank(self):
         """Place of each track in the order of the first pair that sees them."""
