@@ -1,4 +1,4 @@
-"""One colour a motion, the same in all pictures."""
+"""The colours of all pictures, told apart by colour-blind readers."""
 
 from __future__ import annotations
 
@@ -17,8 +17,21 @@ COLOURS = (
     "#a6d854",
 )
 OUTLIER_COLOUR = "#b0b0b0"
+# Curves and bars on white, which have no background among them: the same colours,
+# without the quiet one.
+SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e6ac00", "#56b4e9", "#222222")
+# matplotlib's names of colour maps whose lightness alone tells the order: what is much
+# is dark.
+AFFINITY_MAP = "Greys"
+ERROR_MAP = "cividis_r"
+OUTLINE_COLOUR = "#d55e00"
 
 
 def motion_colour(label):
     """The colour, as ``"#rrggbb"``, of a motion's number; -1 is grey."""
     return OUTLIER_COLOUR if label < 0 else COLOURS[label % len(COLOURS)]
+
+
+def series_colour(position):
+    """The colour, as ``"#rrggbb"``, of a curve or of a row of bars."""
+    return SERIES[position % len(SERIES)]

@@ -1,0 +1,238 @@
+"""Why so many motions: what each number of them costs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._core.selection import canonical_labels
+from .._extras import require
+from .._palette import series_colour
+from .._partition_search import CUT_WEIGHT
+from .._validation import split_views
+from ..model_selection import NCREModelSelector, partition_costs
+from ._drawing import (
+    check_labels,
+    count_motions,
+    figure_and_ax,
+    last_step,
+    legend_below,
+    require_pyplot,
+)
+
+MARKERS = ("o", "s", "D")
+
+
+class CountDisplay:
+    """What each number of motions costs, and the one that was chosen.
+
+    Two terms, each times its weight, and their sum. Make it by :meth:`from_estimator`
+    or :meth:`from_predictions`.
+
+    Parameters
+    ----------
+    counts : array-like of int, shape (n_counts,)
+    costs : array-like of shape (n_counts, 3)
+        The terms as they are, and the total.
+    chosen : int
+        One of ``counts``.
+    weights : (float, float), default=(1, 1)
+        Of the two terms in the total.
+    term_names : (str, str), default=("normalised cut", "reconstruction error")
+
+    Attributes
+    ----------
+    lines_ : list of matplotlib Line2D
+        Both weighted terms and the total, over ``counts``.
+    chosen_line_ : matplotlib Line2D
+        Vertical, at the chosen count.
+    legend_ : matplotlib Legend
+    ax_ : matplotlib axes
+    figure_ : matplotlib figure
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, the figure of its section on model
+    selection, i.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import NCREModelSelector
+    >>> from skmotionseg.plotting import CountDisplay
+    >>> block = np.kron(np.eye(3), np.ones((4, 4))) + 0.01
+    >>> selector = NCREModelSelector(random_state=0, max_clusters=5).fit(block)
+    >>> display = CountDisplay.from_estimator(selector)
+    >>> display.lines_[2].get_xdata()
+    array([1, 2, 3, 4, 5])
+    >>> display.chosen
+    3
+    """
+
+    def __init__(
+        self,
+        counts,
+        costs,
+        chosen,
+        *,
+        weights=(1, 1),
+        term_names=("normalised cut", "reconstruction error"),
+    ):
+        self.counts = counts
+        self.costs = costs
+        self.chosen = chosen
+        self.weights = weights
+        self.term_names = term_names
+
+    @classmethod
+    def from_estimator(cls, estimator, *, ax=None):
+        """Draw what the counts that a fitted estimator tried cost.
+
+        Parameters
+        ----------
+        estimator : fitted estimator or Pipeline
+            :class:`~skmotionseg.NCREModelSelector`, alone or last in a pipeline, or
+            :class:`~skmotionseg.MotionSegmenter`.
+        ax : matplotlib axes, optional
+
+        Returns
+        -------
+        CountDisplay
+
+        Raises
+        ------
+        NotFittedError, ValueError
+            If it is not fitted, or does not compare numbers of motions.
+        """
+        require_pyplot()
+        last = last_step(estimator)
+        if not hasattr(last, "costs_"):
+            raise ValueError(
+                f"{type(last).__name__} does not compare numbers of motions; give an "
+                "NCREModelSelector or a MotionSegmenter"
+            )
+        by_length = getattr(last, "selection", "ncre") == "description_length"
+        display = cls(
+            last.counts_,
+            last.costs_,
+            _chosen_count(last),
+            weights=(CUT_WEIGHT, 1) if by_length else (1, last.delta),
+            term_names=(
+                "normalised cut",
+                "nats an observation" if by_length else "reconstruction error",
+            ),
+        )
+        return display.plot(ax=ax)
+
+    @classmethod
+    def from_predictions(cls, affinities, partitions, *, delta=None, ax=None):
+        """Draw what partitions that are at hand cost by NCRE, the paper's choice.
+
+        Parameters
+        ----------
+        affinities : array-like of shape (n, n_views * n)
+            Of the views, side by side.
+        partitions : array-like of int, shape (n_partitions, n)
+            One for each number of motions.
+        delta : float, optional
+            Weight of the reconstruction error; by default that of
+            :class:`~skmotionseg.NCREModelSelector`.
+        ax : matplotlib axes, optional
+
+        Returns
+        -------
+        CountDisplay
+
+        Raises
+        ------
+        ValueError
+            If affinities are not made of square blocks, or partitions do not fit them
+            or have one number of motions twice.
+        """
+        affinities = np.asarray(affinities, dtype=float)
+        if affinities.ndim != 2 or affinities.shape[1] % len(affinities):
+            raise ValueError(
+                "stacked affinities need shape (n, n_views * n); got "
+                f"{affinities.shape}"
+            )
+        n, width = affinities.shape
+        partitions = [check_labels(p, n, "a partition") for p in partitions]
+        partitions = sorted(map(canonical_labels, partitions), key=count_motions)
+        counts = np.array([count_motions(p) for p in partitions])
+        if not len(counts) or len(set(counts)) < len(counts):
+            raise ValueError(
+                "there must be one partition a number of motions; got some of "
+                f"{counts.tolist()}"
+            )
+        delta = NCREModelSelector().delta if delta is None else delta
+        views = split_views(affinities, width // n)
+        costs = np.stack([partition_costs(views, p, delta) for p in partitions])
+        chosen = int(counts[costs[:, 2].argmin()])
+        return cls(counts, costs, chosen, weights=(1, delta)).plot(ax=ax)
+
+    def plot(self, *, ax=None):
+        """Draw.
+
+        Parameters
+        ----------
+        ax : matplotlib axes, optional
+            By default those of a new figure.
+
+        Returns
+        -------
+        CountDisplay
+
+        Raises
+        ------
+        ImportError
+            If matplotlib is missing.
+        ValueError
+            If there are not three costs a count, or ``chosen`` is none of the counts.
+            Nothing is drawn then.
+        """
+        counts, costs = np.asarray(self.counts), np.asarray(self.costs, dtype=float)
+        if counts.ndim != 1 or not len(counts) or costs.shape != (len(counts), 3):
+            raise ValueError(
+                f"counts of shape {counts.shape} need costs of shape (n_counts, 3); "
+                f"got {costs.shape}"
+            )
+        if self.chosen not in counts:
+            raise ValueError(f"chosen must be one of {counts}; got {self.chosen}")
+        ticker = require("matplotlib.ticker", extra="plot")
+        self.figure_, self.ax_ = figure_and_ax(ax, (5.2, 3.8))
+        weights = (*self.weights, 1)
+        names = [
+            name if weight == 1 else rf"{weight:g} $\times$ {name}"
+            for name, weight in zip((*self.term_names, "total"), weights, strict=True)
+        ]
+        self.chosen_line_ = self.ax_.axvline(
+            self.chosen,
+            color="0.6",
+            linestyle=":",
+            zorder=1,
+            label=f"chosen: {self.chosen}",
+        )
+        self.lines_ = [
+            self.ax_.plot(
+                counts,
+                weight * cost,
+                color=series_colour(position),
+                marker=MARKERS[position],
+                markersize=4,
+                linewidth=2 if position == 2 else 1.2,
+                label=name,
+            )[0]
+            for position, (cost, weight, name) in enumerate(
+                zip(costs.T, weights, names, strict=True)
+            )
+        ]
+        self.ax_.set(xlabel="number of motions", ylabel="cost")
+        self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
+        self.legend_ = legend_below(self.ax_, 2)
+        return self
+
+
+def _chosen_count(estimator):
+    """The count whose partition was taken; some have empty motions."""
+    taken = (estimator.candidate_labels_ == estimator.labels_).all(axis=1)
+    return int(estimator.counts_[taken.argmax()])

@@ -1,0 +1,85 @@
+"""What the displays share: axes, legends, fitted labels and checks."""
+
+from __future__ import annotations
+
+import numpy as np
+from sklearn.pipeline import Pipeline
+from sklearn.utils.validation import check_is_fitted
+
+from .._extras import require
+
+
+def require_pyplot():
+    """matplotlib's pyplot, or an ImportError that names the extra."""
+    return require("matplotlib.pyplot", extra="plot")
+
+
+def figure_and_ax(ax, figsize, layout="constrained"):
+    """The figure of the axes given, or a new one of that size in inches."""
+    if ax is not None:
+        return ax.figure, ax
+    return require_pyplot().subplots(figsize=figsize, layout=layout)
+
+
+def legend_below(ax, n_columns):
+    """A legend under the axis label, as far from it on high axes as on low ones."""
+    transforms = require("matplotlib.transforms", extra="plot")
+    down = transforms.ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
+    return ax.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0),
+        bbox_transform=ax.transAxes + down,
+        borderaxespad=0,
+        ncols=n_columns,
+        frameon=False,
+        fontsize="small",
+    )
+
+
+def last_step(estimator):
+    """The fitted estimator that holds the labels: the last of a pipeline."""
+    check_is_fitted(estimator)
+    return estimator[-1] if isinstance(estimator, Pipeline) else estimator
+
+
+def check_labels(labels, n_tracks, name="labels"):
+    """Labels as an array of integers, one a track.
+
+    Raises
+    ------
+    ValueError
+        If they are not.
+    """
+    labels = np.asarray(labels)
+    if labels.shape != (n_tracks,):
+        raise ValueError(
+            f"{n_tracks} tracks need a label each; got {name} of shape {labels.shape}"
+        )
+    if labels.dtype.kind not in "iu":
+        raise ValueError(f"{name} must be integers; got dtype {labels.dtype}")
+    return labels
+
+
+def check_names(names, count, what, default):
+    """Names as a list of str, one each.
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer.
+    """
+    names = default if names is None else [str(name) for name in names]
+    if len(names) != count:
+        raise ValueError(f"{count} {what} need a name each; got {len(names)} names")
+    return names
+
+
+def count_motions(labels):
+    """Motions among the labels; -1 is none."""
+    labels = np.asarray(labels)
+    return len(np.unique(labels[labels >= 0]))
+
+
+def counted(count, noun):
+    """``1 motion``, ``2 motions``."""
+    return f"{count} {noun}" + ("" if count == 1 else "s")
