@@ -46,7 +46,7 @@ NAMES = {
         (skmotionseg, skmotionseg.__all__),
         (datasets, datasets.__all__),
         (metrics, functions_of(metrics)),
-        (plotting, functions_of(plotting)),
+        (plotting, plotting.__all__),
         (preprocessing, functions_of(preprocessing)),
         (video, functions_of(video)),
         (cli, {"main"}),
@@ -55,6 +55,7 @@ NAMES = {
 }
 CLASSES = [value for value in NAMES.values() if inspect.isclass(value)]
 FUNCTIONS = [name for name, value in NAMES.items() if value not in CLASSES]
+ESTIMATORS = [cls for cls in CLASSES if hasattr(cls, "fit")]
 METHODS = {name: m for cls in CLASSES for name, m in own_methods(cls).items()}
 
 every_name = pytest.mark.parametrize("name", NAMES)
@@ -63,7 +64,9 @@ every_name = pytest.mark.parametrize("name", NAMES)
 # ------------------------------------------------------------------------------ names
 
 
-@pytest.mark.parametrize("module", [skmotionseg, datasets], ids=lambda m: m.__name__)
+@pytest.mark.parametrize(
+    "module", [skmotionseg, datasets, plotting], ids=lambda m: m.__name__
+)
 def test_all_is_exactly_what_is_public(module):
     public = {
         name
@@ -105,7 +108,15 @@ def test_the_contract():
         "misclassification_error",
         "motion_count_accuracy",
     }
-    assert functions_of(plotting) == {"plot_motions"}
+    assert set(plotting.__all__) == {
+        "AffinityDisplay",
+        "CountDisplay",
+        "FusionWeightDisplay",
+        "GridDisplay",
+        "MotionDisplay",
+        "SequenceErrorDisplay",
+        "plot_motions",
+    }
     assert functions_of(preprocessing) == {
         "select_balanced_tracks",
         "select_inliers",
@@ -167,18 +178,19 @@ def test_every_function_says_what_it_returns(name):
     assert "Returns" in sections(NAMES[name].__doc__)
 
 
-@pytest.mark.parametrize("cls", CLASSES)
+@pytest.mark.parametrize("cls", ESTIMATORS)
 def test_every_estimator_validates_all_its_parameters(cls):
     assert issubclass(cls, BaseEstimator)
     assert set(cls._parameter_constraints) == parameters(cls.__init__)
 
 
 @pytest.mark.parametrize("cls", CLASSES)
-def test_every_estimator_documents_what_it_learns(cls):
-    """Every fitted attribute that the source sets; those of mixins, too."""
+def test_every_class_documents_what_it_learns(cls):
+    """Every attribute that the source sets in fitting or drawing, mixins' included."""
     source = "".join(inspect.getsource(c) for c in cls.__mro__ if is_ours(c))
     learned = set(re.findall(r"self\.([a-z]\w*_)\b(?!\()", source))
-    learned |= {"n_features_in_"} if cls.__name__ != "PerSequence" else set()
+    if cls in ESTIMATORS and cls.__name__ != "PerSequence":
+        learned.add("n_features_in_")
     assert learned == documented(sections(cls.__doc__)["Attributes"])
 
 
