@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import os
 import re
 import subprocess
 import sys
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from moseg_files import write_definition, write_tracks
 
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg.datasets import load_tracks, make_rigid_motions
@@ -19,7 +22,13 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 def run(path, *arguments):
     command = [sys.executable, "-W", "error", str(path), *arguments]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    result = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     return result.stdout
@@ -68,6 +77,62 @@ def test_sweep_finds_one_setting_for_many_sequences(sweep):
     )
     assert "." * 12 in many  # one a fold and setting
     assert re.search(r"^on the others: error \S+%$", many, flags=re.M)
+
+
+# ---------------------------------------------------------------- tuning and figures
+
+
+def read_settings(folder):
+    with (folder / "settings.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tuning_chooses_on_some_sequences_and_judges_on_others(tmp_path):
+    printed = run(example("tune"), "--quick", "--out", str(tmp_path))
+    assert "4 sequences to choose on, 2 to judge on" in printed
+    rows = read_settings(tmp_path)
+    errors = [float(row["error (%)"]) for row in rows]
+    assert len(rows) == 4
+    assert errors == sorted(errors)
+    best = re.search(r"best: delta (\S+), lam (\S+), models (\S+); error", printed)
+    assert best.groups() == tuple(rows[0][name] for name in ("delta", "lam", "models"))
+    assert re.search(r"on the test sequences: error \S+%", printed)
+    assert (tmp_path / "errors.png").stat().st_size > 5000
+
+
+def test_tuning_scores_regions_by_the_f_measure(tmp_path):
+    """Masks that are the synthetic truth around each point of the first frame."""
+    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
+        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
+        home = tmp_path / "FBMS59" / part / f"scene{seed}"
+        image = np.full((720, 1280), 255, dtype=np.uint8)
+        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
+            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
+        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
+        write_tracks(home / "Tracks6.dat", X, y)
+    out = tmp_path / "out"
+    printed = run(
+        example("tune"), "--quick", "--data", str(tmp_path), "--out", str(out)
+    )
+    assert "2 sequences to choose on, 1 to judge on" in printed
+    # Two rigid motions without noise of the tracker: nearly nothing is missed.
+    assert float(read_settings(out)[0]["error (%)"]) < 10
+
+
+def test_figures_are_drawn(tmp_path):
+    printed = run(example("figures"), "--quick", "--out", str(tmp_path))
+    names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed, flags=re.M)
+    assert names == [
+        "motions",
+        "costs-description-length",
+        "affinities",
+        "costs-ncre",
+        "affinities-homography",
+        "weights-coreg",
+        "weights-subset",
+        "errors",
+    ]
+    assert all((tmp_path / f"{n}.png").stat().st_size > 5000 for n in names)
 
 
 # --------------------------------------------------------------------- point trackers
