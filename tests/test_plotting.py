@@ -401,6 +401,33 @@ def test_a_single_view_and_its_embedding_err_alike(small):
     assert_array_equal(display.view_errors[0], display.errors)
 
 
+def test_views_that_are_left_alone_err_as_they_do_by_themselves():
+    """With next to no weight, co-regularisation changes no view."""
+    other = np.array([0, 1, 0, 1, 0, 1, 0])
+    views = [K, (other[:, None] == other) + 0.1]
+    display = FusionWeightDisplay.from_estimator(
+        MultiModelSpectralClustering(fusion="coreg", random_state=0),
+        [np.hstack(views)],
+        [Y],
+        values=[1e-9],
+    )
+    errors = [0, misclassification_error(Y, other)]
+    assert_allclose(np.ravel(display.view_errors), errors)
+    assert errors[1] > 0.2
+
+
+def test_other_parameters_are_held_at_the_best_setting():
+    settings = [
+        {"a": a, "b": b, "c": c} for c in ("x", "y") for b in (1, 2) for a in (3, 4, 5)
+    ]
+    scores = np.array([0.1, 0.2, 0.3, 0.4, 0.9, 0.6, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5])
+    results = {"params": settings, "mean_test_score": scores}
+    display = GridDisplay.from_cv_results(results, x="a", y="b")
+    assert_allclose(display.errors, 1 - scores[:6].reshape(2, 3))
+    with pytest.raises(ValueError, match="no setting has a score"):
+        GridDisplay.from_cv_results({**results, "mean_test_score": np.nan * scores})
+
+
 def test_the_grid_is_that_of_the_search(search):
     display = GridDisplay.from_estimator(
         search, x="estimator__delta", y="estimator__models"
