@@ -18,7 +18,7 @@ WORTH_CHOOSING = 2
 TRACKS_A_BATCH = 2048
 # Bytes an affinity between two tracks takes at the worst moment of a fit, a model: as
 # it is, sparsified twice and normalised for two sets of models.
-BYTES_AN_AFFINITY = 64
+BYTES_AN_AFFINITY = 80
 # Memory that is taken without a word.
 SMALL_BYTES = 4 * 2**30
 
