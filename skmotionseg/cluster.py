@@ -64,7 +64,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         affinity to another in any view.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
-    objective_ : ndarray of shape (n_iter_,)
+    objective_ : ndarray of shape (``n_iter_``,)
         The cost of the views by themselves, and after each sweep that draws them
         together.
     n_iter_ : int

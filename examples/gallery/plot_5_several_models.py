@@ -1,0 +1,54 @@
+"""
+Several motion models, and doing without one
+============================================
+
+A homography explains a plane or a turning camera, a fundamental matrix whatever is
+rigid, but also more than it should; an affine map is simplest and steadiest. Which of
+them suits a scene is not known beforehand, so their affinities are joined.
+:func:`~skmotionseg.make_motion_pipeline` gives every model a branch of a plain
+:class:`~sklearn.pipeline.Pipeline`, and ``"drop"`` takes one out.
+"""
+
+import tempfile
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from skmotionseg import make_motion_pipeline
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+branches = {"A": "affine", "H": "homography", "F": "fundamental"}
+subsets = ["A", "H", "F", "AH", "HF", "AHF"]
+scenes = [
+    make_rigid_motions(160, 5, 3, shapes="general", random_state=seed)
+    for seed in range(6)
+]
+
+# %%
+# With ``memory``, each branch is computed once for a scene: the subsets share it.
+
+errors = np.empty((len(subsets), len(scenes)))
+with tempfile.TemporaryDirectory() as memory:
+    pipeline = make_motion_pipeline(
+        n_clusters=3, n_hypotheses=300, memory=memory, random_state=0
+    )
+    every = dict(pipeline["affinity"].transformer_list)
+    for i, subset in enumerate(subsets):
+        for letter, name in branches.items():
+            branch = every[name] if letter in subset else "drop"
+            pipeline.set_params(**{f"affinity__{name}": branch})
+        for j, (X, y) in enumerate(scenes):
+            errors[i, j] = misclassification_error(y, pipeline.fit_predict(X))
+
+# %%
+# A dot is a scene, a bar the mean. Homographies alone fail in one scene, fundamental
+# matrices alone in others; what they are joined with makes up for it.
+
+figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
+names = ["+".join(subset) for subset in subsets]
+ax.bar(names, errors.mean(axis=1) * 100, color="#7f9db9")
+for i, row in enumerate(errors * 100):
+    ax.plot(np.full(len(row), i), row, "o", color="black", ms=4)
+ax.set(xlabel="motion models", ylabel="misclassified tracks (%)")
+plt.show()
