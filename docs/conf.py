@@ -7,7 +7,7 @@ import sys
 import warnings
 from pathlib import Path
 
-from sphinx_gallery.sorting import ExplicitOrder
+from docutils import nodes
 
 import skmotionseg
 
@@ -81,3 +81,14 @@ sphinx_gallery_conf = {
     "plot_gallery": "True",
     "image_srcset": ["2x"],
 }
+
+
+def trim_code(app, doctree):
+    """Drop the empty line that doctest needs at the end of a block in Markdown."""
+    for block in doctree.findall(nodes.literal_block):
+        block.rawsource = block.astext().rstrip("\n")
+        block.children = [nodes.Text(block.rawsource)]
+
+
+def setup(app):
+    app.connect("doctree-read", trim_code)

@@ -50,6 +50,8 @@ for fusion, style, shift in (("kernel_addition", "o-", 0), ("coreg", "s--", 0.15
         capsize=3,
         label=fusion,
     )
-ax.set(xlabel="sparsity", ylabel="misclassified tracks (%)")
+ax.set(
+    xlabel="sparsity", ylabel="misclassified tracks (%)", xticks=[2, 4, 6, 8, 12, 20]
+)
 figure.legend(title="fusion", frameon=False, loc="outside right upper")
 plt.show()
