@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import lru_cache, wraps
 from threading import Lock
+from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def _controllers():
@@ -51,7 +56,7 @@ class _SharedLimit:
 _one_blas_thread = _SharedLimit()
 
 
-def single_threaded(function):
+def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with all native thread pools at one thread.
 
     The many small factorisations run faster so, parallel branches do not fight over
@@ -60,7 +65,7 @@ def single_threaded(function):
     """
 
     @wraps(function)
-    def limited(*args, **kwargs):
+    def limited(*args: P.args, **kwargs: P.kwargs) -> R:
         openmp, _ = _controllers()
         # The number of OpenMP threads belongs to the thread that sets it. This comes
         # first because threadpoolctl lets one thread at a time set that of BLAS, from

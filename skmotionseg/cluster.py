@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from numbers import Integral, Real
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
@@ -113,16 +115,16 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
 
     def __init__(
         self,
-        n_clusters=2,
+        n_clusters: int = 2,
         *,
-        fusion="coreg",
-        lam=1e-2,
-        gamma=1e-2,
-        max_iter=20,
-        tol=1e-5,
-        n_init=20,
-        random_state=None,
-    ):
+        fusion: str = "coreg",
+        lam: float = 1e-2,
+        gamma: float = 1e-2,
+        max_iter: int = 20,
+        tol: float = 1e-5,
+        n_init: int = 20,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
         self.n_clusters = n_clusters
         self.fusion = fusion
         self.lam = lam
@@ -134,7 +136,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit(self, X, y=None):
+    def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Cluster the rows.
 
         Parameters
@@ -159,7 +161,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
 
-    def cluster_graph(self, graph):
+    def cluster_graph(self, graph: ViewGraph) -> npt.NDArray[np.intp]:
         """Labels for a graph that is at hand, without fitting.
 
         Parameters
@@ -205,7 +207,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         return self
 
     @single_threaded
-    def predict(self, X):
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Place rows, fitted or not, in the clusters.
 
         Parameters

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from ._core.tracks import pack_tracks, unpack_tracks
 from ._writing import replacing
 
 
-def static_mask(X, labels, *, background=None):
+def static_mask(
+    X: npt.ArrayLike, labels: npt.ArrayLike, *, background: int | None = None
+) -> npt.NDArray[np.bool_]:
     """Which points of which tracks belong to the static scene, frame by frame.
 
     A structure-from-motion program may take these and leave the others.
@@ -60,7 +64,13 @@ def static_mask(X, labels, *, background=None):
     return visibility & (labels == background)[:, None]
 
 
-def save_motions(folder, X, labels, *, track_ids=None):
+def save_motions(
+    folder: str | os.PathLike[str],
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    *,
+    track_ids: npt.ArrayLike | None = None,
+) -> list[Path]:
     """Write the tracks of each motion to a file of its own.
 
     Parameters
@@ -121,7 +131,7 @@ def save_motions(folder, X, labels, *, track_ids=None):
     return [folder / name for name in groups]
 
 
-def _check_labels(labels, n_tracks):
+def _check_labels(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from numbers import Integral, Real
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.base import (
     BaseEstimator,
     ClassNamePrefixFeaturesOutMixin,
@@ -101,8 +103,13 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     }
 
     def __init__(
-        self, *, n_hypotheses=500, top=0.1, sparsity=6.0, covisibility_prior=2.0
-    ):
+        self,
+        *,
+        n_hypotheses: int = 500,
+        top: float = 0.1,
+        sparsity: float | None = 6.0,
+        covisibility_prior: float = 2.0,
+    ) -> None:
         self.n_hypotheses = n_hypotheses
         self.top = top
         self.sparsity = sparsity
@@ -110,7 +117,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit(self, X, y=None):
+    def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Remember which hypotheses each track prefers.
 
         Parameters
@@ -133,7 +140,9 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit_transform(self, X, y=None):
+    def fit_transform(
+        self, X: npt.ArrayLike, y: object = None
+    ) -> npt.NDArray[np.float32]:
         """Fit, and give the affinities of the fitted rows to one another.
 
         Parameters
@@ -149,7 +158,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return self._fit_affinity(self._read_preferences(X, reset=True))
 
     @single_threaded
-    def transform(self, X):
+    def transform(self, X: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Affinities of rows to the fitted rows.
 
         Parameters

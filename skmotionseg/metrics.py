@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 
-def misclassification_error(y_true, y_pred):
+def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
     """Share of tracks with the wrong motion, under the best matching of labels.
 
     Each true motion is matched with at most one found motion so that as many tracks as
@@ -41,7 +43,9 @@ def misclassification_error(y_true, y_pred):
     return float(1 - counts[linear_sum_assignment(-counts)].sum() / len(y_true))
 
 
-def motion_count_accuracy(y_true, y_pred):
+def motion_count_accuracy(
+    y_true: Sequence[npt.ArrayLike], y_pred: Sequence[npt.ArrayLike]
+) -> float:
     """Share of sequences in which the number of motions is right.
 
     Parameters
@@ -98,7 +102,13 @@ class FBMSObjects(NamedTuple):
     visible: int
 
 
-def fbms_scores(y_true, y_pred, *, sample_weight=None, region_sizes=None):
+def fbms_scores(
+    y_true: npt.ArrayLike,
+    y_pred: npt.ArrayLike,
+    *,
+    sample_weight: npt.ArrayLike | None = None,
+    region_sizes: npt.ArrayLike | None = None,
+) -> FBMSScores:
     """Density, precision, recall and F-measure of a labelling of points.
 
     As the program of the Freiburg-Berkeley benchmark computes them
@@ -164,8 +174,13 @@ def fbms_scores(y_true, y_pred, *, sample_weight=None, region_sizes=None):
 
 
 def fbms_objects(
-    y_true, y_pred, *, sample_weight=None, region_sizes=None, threshold=0.75
-):
+    y_true: npt.ArrayLike,
+    y_pred: npt.ArrayLike,
+    *,
+    sample_weight: npt.ArrayLike | None = None,
+    region_sizes: npt.ArrayLike | None = None,
+    threshold: float = 0.75,
+) -> FBMSObjects:
     """How many of the true objects are found, as the Freiburg benchmark counts them.
 
     Parameters
@@ -199,7 +214,7 @@ def fbms_objects(
     return FBMSObjects(max(n_found - 1, 0), len(pair[0]) - 1)
 
 
-def fbms_mean(scores):
+def fbms_mean(scores: Sequence[FBMSScores]) -> FBMSScores:
     """Scores of a set of sequences, from those of each.
 
     Parameters
@@ -297,7 +312,9 @@ def _harmonic(a, b):
     return np.divide(2 * a * b, total, out=np.zeros_like(total), where=total > 0)
 
 
-def _judged(y_true, y_pred):
+def _judged(
+    y_true: npt.ArrayLike, y_pred: npt.ArrayLike
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Check two labellings and keep the points whose true label is not negative."""
     y_true, y_pred = _as_labels(y_true, "y_true"), _as_labels(y_pred, "y_pred")
     if len(y_true) != len(y_pred):
@@ -313,7 +330,7 @@ def _judged(y_true, y_pred):
     return y_true[judged], y_pred[judged]
 
 
-def _as_labels(labels, name):
+def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
     labels = np.asarray(labels)
     if labels.ndim != 1 or labels.dtype.kind not in "iufb":
         raise ValueError(

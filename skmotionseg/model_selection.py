@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Integral, Real
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
@@ -100,13 +103,13 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
 
     def __init__(
         self,
-        clusterer=None,
+        clusterer: BaseEstimator | None = None,
         *,
-        delta=0.2,
-        min_clusters=1,
-        max_clusters=10,
-        random_state=None,
-    ):
+        delta: float = 0.2,
+        min_clusters: int = 1,
+        max_clusters: int = 10,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
         self.clusterer = clusterer
         self.delta = delta
         self.min_clusters = min_clusters
@@ -115,7 +118,7 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit(self, X, y=None):
+    def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Cluster the rows into each count and choose one.
 
         Parameters
@@ -183,7 +186,7 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         return base
 
     @available_if(_clusterer_predicts)
-    def predict(self, X):
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Place rows, fitted or not, in the chosen clusters.
 
         Available if the clusterer has it.
@@ -204,7 +207,9 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         return np.array([ours.get(label, -1) for label in labels], dtype=int)
 
 
-def partition_costs(views, labels, delta):
+def partition_costs(
+    views: npt.NDArray[np.floating], labels: npt.NDArray[np.integer], delta: float
+) -> npt.NDArray[np.float64]:
     """Normalised cut, reconstruction error and total of a partition.
 
     Parameters
@@ -270,12 +275,16 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         "n_jobs": [Integral, None],
     }
 
-    def __init__(self, estimator, n_jobs=None):
+    def __init__(self, estimator: BaseEstimator, n_jobs: int | None = None) -> None:
         self.estimator = estimator
         self.n_jobs = n_jobs
 
     @_fit_context(prefer_skip_nested_validation=False)
-    def fit(self, X, y=None):
+    def fit(
+        self,
+        X: Sequence[npt.ArrayLike],
+        y: Sequence[npt.ArrayLike] | None = None,
+    ) -> Self:
         """Take note of the sequences.
 
         Parameters
@@ -334,7 +343,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         return labels
 
     @single_threaded
-    def predict(self, X):
+    def predict(self, X: Sequence[npt.ArrayLike]) -> list[npt.NDArray[np.intp]]:
         """Segment each sequence.
 
         Parameters
@@ -360,7 +369,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
             n_jobs=self.n_jobs,
         )
 
-    def score(self, X, y):
+    def score(self, X: Sequence[npt.ArrayLike], y: Sequence[npt.ArrayLike]) -> float:
         """One minus the mean misclassification error over the sequences.
 
         Parameters

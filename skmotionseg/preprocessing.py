@@ -9,13 +9,14 @@ from __future__ import annotations
 from numbers import Integral, Real
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.utils import check_random_state
 
 from ._core.geometry import mean_sampson_errors
 from ._core.tracks import unpack_tracks
 
 
-def select_long_tracks(X, min_length=5):
+def select_long_tracks(X: npt.ArrayLike, min_length: int = 5) -> npt.NDArray[np.bool_]:
     """Keep tracks that are seen in enough frames.
 
     Parameters
@@ -50,7 +51,12 @@ def select_long_tracks(X, min_length=5):
     return unpack_tracks(X)[1].sum(axis=1) >= min_length
 
 
-def select_balanced_tracks(labels, share=0.1, *, random_state=None):
+def select_balanced_tracks(
+    labels: npt.ArrayLike,
+    share: float = 0.1,
+    *,
+    random_state: int | np.random.RandomState | None = None,
+) -> npt.NDArray[np.bool_]:
     """Thin the largest group, such as the background, and keep the others whole.
 
     Parameters
@@ -95,7 +101,9 @@ def select_balanced_tracks(labels, share=0.1, *, random_state=None):
     return kept
 
 
-def select_inliers(X, labels, *, whisker=7.0):
+def select_inliers(
+    X: npt.ArrayLike, labels: npt.ArrayLike, *, whisker: float = 7.0
+) -> npt.NDArray[np.bool_]:
     """Keep tracks that obey the epipolar geometry of their motion all along.
 
     In each two consecutive frames, a fundamental matrix is fitted robustly to the
@@ -164,7 +172,7 @@ def select_inliers(X, labels, *, whisker=7.0):
     return kept
 
 
-def _check_labels(labels):
+def _check_labels(labels: npt.ArrayLike) -> npt.NDArray[np.integer]:
     labels = np.asarray(labels)
     if labels.ndim != 1 or labels.dtype.kind not in "iu":
         raise ValueError(

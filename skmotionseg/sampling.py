@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from numbers import Integral
+from typing import Self
 
+import numpy as np
+import numpy.typing as npt
 from sklearn.base import (
     BaseEstimator,
     ClassNamePrefixFeaturesOutMixin,
@@ -80,8 +83,13 @@ class HypothesisSampler(
     }
 
     def __init__(
-        self, model="homography", *, n_hypotheses=500, frame_gap=1, random_state=None
-    ):
+        self,
+        model: str = "homography",
+        *,
+        n_hypotheses: int = 500,
+        frame_gap: int = 1,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
         self.model = model
         self.n_hypotheses = n_hypotheses
         self.frame_gap = frame_gap
@@ -89,7 +97,7 @@ class HypothesisSampler(
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit(self, X, y=None):
+    def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Draw the hypotheses.
 
         Parameters
@@ -146,7 +154,9 @@ class HypothesisSampler(
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit_transform(self, X, y=None):
+    def fit_transform(
+        self, X: npt.ArrayLike, y: object = None
+    ) -> npt.NDArray[np.float32]:
         """Draw the hypotheses and give the residuals of the same tracks.
 
         Parameters
@@ -162,7 +172,7 @@ class HypothesisSampler(
         return self._residuals(*self._fit(X))
 
     @single_threaded
-    def transform(self, X):
+    def transform(self, X: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Residuals of tracks, these or others of the same video.
 
         Parameters

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from itertools import islice
 from numbers import Integral, Real
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
 from ._core.tracking import (
     TrackLog,
@@ -35,6 +39,10 @@ DEFAULT_FPS = 25.0
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
+
+# What frames are read from, and what is told how many are done, of how many.
+Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]
+Progress: TypeAlias = Callable[[int, int | None], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,16 +78,16 @@ class VideoTracks:
 
 
 def track_video(
-    source,
+    source: Source,
     *,
-    grid_spacing=8,
-    max_error=1.0,
-    min_length=5,
-    min_texture=0.03,
-    max_frames=None,
-    max_side=None,
-    progress=None,
-):
+    grid_spacing: int = 8,
+    max_error: float = 1.0,
+    min_length: int = 5,
+    min_texture: float = 0.03,
+    max_frames: int | None = None,
+    max_side: int | None = None,
+    progress: Progress | None = None,
+) -> VideoTracks:
     """Track points on a dense grid through a video.
 
     In each frame, each cell of the grid that no track is in or near gets a new one, at
@@ -290,7 +298,16 @@ def _refine(first, second, points, coarse):
 # -------------------------------------------------------------------------- rendering
 
 
-def render_segmentation(source, X, labels, out, *, trail=5, fps=None, progress=None):
+def render_segmentation(
+    source: Source,
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    out: str | os.PathLike[str],
+    *,
+    trail: int = 5,
+    fps: float | None = None,
+    progress: Progress | None = None,
+) -> None:
     """Draw the points of a segmentation on the frames of their video.
 
     Each point has the colour of its motion, the one it has in

@@ -528,7 +528,7 @@ MOTION_MODELS = {
 
 # What there is without anybody's doing, and what came from other processes.
 _BUILT_IN = dict(MOTION_MODELS)
-_received = {}
+_received: dict[str, MotionModel] = {}
 
 
 def added_motion_models():

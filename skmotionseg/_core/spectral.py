@@ -8,6 +8,7 @@ with the signature of :func:`kernel_addition` and enter it in :data:`FUSIONS`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -324,7 +325,7 @@ def subset_constraint(graph, n_clusters, *, lam=None, gamma, max_iter, tol):
     return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
 
 
-FUSIONS = {
+FUSIONS: dict[str, Callable[..., Fusion]] = {
     "kernel_addition": kernel_addition,
     "coreg": co_regularization,
     "subset": subset_constraint,

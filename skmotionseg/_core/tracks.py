@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import numpy.typing as npt
 
 # Points are in one spot when they lie closer than this share of their coordinates: the
 # mean of equal numbers is not always that number.
@@ -16,7 +19,13 @@ AXES = {
 }
 
 
-def pack_tracks(points, visibility=None, *, layout=None, visible_above=None):
+def pack_tracks(
+    points: npt.ArrayLike,
+    visibility: npt.ArrayLike | None = None,
+    *,
+    layout: str | None = None,
+    visible_above: float | None = None,
+) -> npt.NDArray[np.floating]:
     """Put point tracks into the two-columns-a-frame matrix the estimators take.
 
     Parameters
@@ -96,7 +105,7 @@ def pack_tracks(points, visibility=None, *, layout=None, visible_above=None):
     return points.reshape(len(points), 2 * points.shape[1])
 
 
-def _as_numbers(values, name):
+def _as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.floating]:
     """A floating-point copy, NaN where a masked array is masked."""
     values = _as_array(values)
     if values.dtype.kind not in "fiub":
@@ -106,7 +115,7 @@ def _as_numbers(values, name):
     return numbers
 
 
-def _as_array(values):
+def _as_array(values: Any) -> np.ndarray:
     """An array, its mask kept, of a list, a masked array or a tensor of PyTorch."""
     if hasattr(values, "detach"):  # on another device, or with a gradient
         values = values.detach().cpu().numpy()
@@ -115,7 +124,9 @@ def _as_array(values):
     return values if np.ma.isMaskedArray(values) else np.asarray(values)
 
 
-def _drop_batch(points, layout):
+def _drop_batch(
+    points: npt.NDArray[np.floating], layout: str | None
+) -> npt.NDArray[np.floating]:
     """Points of three axes, of the one video there is."""
     axes = AXES[layout or "tracks_first"][:-1] + ", 2)"
     if points.ndim not in (3, 4) or points.shape[-1] != 2:
@@ -136,7 +147,12 @@ def _drop_batch(points, layout):
     return points[0]
 
 
-def _as_visibility(visibility, shape, layout, visible_above):
+def _as_visibility(
+    visibility: npt.ArrayLike,
+    shape: tuple[int, ...],
+    layout: str,
+    visible_above: float | None,
+) -> npt.NDArray[np.bool_]:
     visibility = _as_array(visibility)
     visibility = _fit_axes(visibility, shape, layout)
     seen = ~np.ma.getmaskarray(visibility)
@@ -157,7 +173,9 @@ def _as_visibility(visibility, shape, layout, visible_above):
     return (visibility == 1) & seen
 
 
-def _fit_axes(visibility, shape, layout):
+def _fit_axes(
+    visibility: np.ndarray, shape: tuple[int, ...], layout: str
+) -> np.ndarray:
     """Visibility of that shape, without the axes of length 1 around it."""
     inner = visibility
     if inner.ndim > 2 and inner.shape != shape and inner.shape[0] == 1:
@@ -174,7 +192,9 @@ def _fit_axes(visibility, shape, layout):
     raise ValueError(message)
 
 
-def unpack_tracks(X):
+def unpack_tracks(
+    X: npt.ArrayLike,
+) -> tuple[npt.NDArray[np.floating], npt.NDArray[np.bool_]]:
     """Undo :func:`pack_tracks`.
 
     Parameters

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from pathlib import Path
+
+from sklearn.utils import Bunch
 
 from ._files import load_tracks
 
@@ -46,8 +50,10 @@ def _read_folder(folder, pattern, suffix):
     return sequences
 
 
-def _loader(name, title, pattern, suffix, layout, reference):
-    def load(folder):
+def _loader(
+    name: str, title: str, pattern: str, suffix: str, layout: str, reference: str
+) -> Callable[[str | os.PathLike[str]], list[Bunch]]:
+    def load(folder: str | os.PathLike[str]) -> list[Bunch]:
         return _read_folder(folder, pattern, suffix)
 
     load.__name__ = load.__qualname__ = name

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +18,13 @@ from ._trackers import read_npz
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
 
-def load_tracks(path, *, layout=None, image_size=None, visible_above=None):
+def load_tracks(
+    path: str | os.PathLike[str],
+    *,
+    layout: str | None = None,
+    image_size: tuple[int, int] | None = None,
+    visible_above: float | None = None,
+) -> Bunch:
     """Read tracks from a file.
 
     Parameters

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import warnings
 from pathlib import Path
@@ -17,7 +18,12 @@ FBMS_SETS = ("Trainingset", "Testset")
 MASK_ENDINGS = (".pgm", ".ppm", ".png")
 
 
-def load_fbms59(folder, *, n_frames=10, tracks=None):
+def load_fbms59(
+    folder: str | os.PathLike[str],
+    *,
+    n_frames: int | None = 10,
+    tracks: str | os.PathLike[str] | None = None,
+) -> list[Bunch]:
     """Read FBMS-59: hand-held videos of people, animals and cars.
 
     The benchmark has images and regions, but no tracks: those come from a tracker, as a
@@ -115,7 +121,13 @@ def load_fbms59(folder, *, n_frames=10, tracks=None):
     ]
 
 
-def load_complex_background(folder, *, n_frames=10, tracks=None, first_number=1):
+def load_complex_background(
+    folder: str | os.PathLike[str],
+    *,
+    n_frames: int | None = 10,
+    tracks: str | os.PathLike[str] | None = None,
+    first_number: int = 1,
+) -> list[Bunch]:
     """Read the five ComplexBackground videos, with masks that tell all moving objects.
 
     Parameters

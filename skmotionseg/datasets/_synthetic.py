@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 from sklearn.utils import check_random_state, shuffle
 
@@ -15,17 +18,17 @@ CAMERAS = ("general", "rotation", "still")
 
 
 def make_rigid_motions(
-    n_tracks=400,
-    n_frames=20,
-    n_motions=3,
+    n_tracks: int = 400,
+    n_frames: int = 20,
+    n_motions: int = 3,
     *,
-    shapes=("general", "planar", "general"),
-    camera="general",
-    missing=0.25,
-    noise=0.5,
-    outliers=0.0,
-    random_state=None,
-):
+    shapes: str | Sequence[str] = ("general", "planar", "general"),
+    camera: str = "general",
+    missing: float = 0.25,
+    noise: float = 0.5,
+    outliers: float = 0.0,
+    random_state: int | np.random.RandomState | None = None,
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
     """Tracks of rigid things that move before a moving perspective camera.
 
     The first motion is the static background, five to forty metres away; the others
