@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import warnings
 from pathlib import Path
 
 from docutils import nodes
@@ -13,9 +11,6 @@ import skmotionseg
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
-# The examples start processes of their own, which do not read this file.
-os.environ.setdefault("MPLBACKEND", "agg")
-warnings.filterwarnings("error", module="skmotionseg")
 
 project = "skmotionseg"
 author = "The skmotionseg developers"
