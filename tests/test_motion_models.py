@@ -327,7 +327,7 @@ def test_the_affine_error_is_the_squared_distance_to_the_nearest_exact_match(rng
     linear, shift = A[0, :2, :2], A[0, :2, 2]
     stacked = np.vstack([np.eye(2), linear])  # (x', A x') nearest to (x, y)
     targets = np.hstack([x, y - shift])
-    distances = [np.linalg.lstsq(stacked, t)[1][0] for t in targets]
+    distances = [np.linalg.lstsq(stacked, t, rcond=None)[1][0] for t in targets]
     assert_allclose(AFFINE.residuals(A, x, y)[:, 0], distances)
 
 
