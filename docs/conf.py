@@ -57,7 +57,6 @@ numpydoc_show_class_members = False
 # The names of other projects that are linked, and where they are described: what there
 # is of their inventories, so that no network is needed.
 intersphinx_mapping = {
-    "numpy": ("https://numpy.org/doc/stable/", "inventories/numpy.inv"),
     "sklearn": ("https://scikit-learn.org/stable/", "inventories/sklearn.inv"),
 }
 
@@ -73,6 +72,7 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "remove_config_comments": True,
     "min_reported_time": 1e6,
+    "write_computation_times": False,
     "plot_gallery": "True",
     "image_srcset": ["2x"],
 }
