@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from numbers import Integral, Real
+from typing import Self
 
 import numpy as np
+import numpy.typing as npt
 from joblib import Memory
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.pipeline import FeatureUnion, Pipeline
@@ -193,27 +196,27 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
 
     def __init__(
         self,
-        n_motions="auto",
+        n_motions: int | str = "auto",
         *,
-        models=ALL_MODELS,
-        n_hypotheses=500,
-        frame_gap=1,
-        top=0.1,
-        sparsity="auto",
-        covisibility_prior=2.0,
-        fusion="kernel_addition",
-        lam=1e-2,
-        gamma=1e-2,
-        selection="description_length",
-        delta=0.2,
-        min_motions=1,
-        max_motions=10,
-        n_landmarks="auto",
-        batch_size="auto",
-        memory=None,
-        n_jobs=None,
-        random_state=None,
-    ):
+        models: str | Sequence[str] = ALL_MODELS,
+        n_hypotheses: int = 500,
+        frame_gap: int = 1,
+        top: float = 0.1,
+        sparsity: float | str = "auto",
+        covisibility_prior: float = 2.0,
+        fusion: str = "kernel_addition",
+        lam: float = 1e-2,
+        gamma: float = 1e-2,
+        selection: str = "description_length",
+        delta: float = 0.2,
+        min_motions: int = 1,
+        max_motions: int = 10,
+        n_landmarks: int | str | None = "auto",
+        batch_size: int | str = "auto",
+        memory: str | os.PathLike[str] | Memory | None = None,
+        n_jobs: int | None = None,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
         self.n_motions = n_motions
         self.models = models
         self.n_hypotheses = n_hypotheses
@@ -236,7 +239,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
-    def fit(self, X, y=None):
+    def fit(self, X: npt.ArrayLike, y: object = None) -> Self:
         """Segment tracks.
 
         Parameters
@@ -378,7 +381,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         )
 
     @single_threaded
-    def predict(self, X):
+    def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Place tracks of the same video, fitted or not, in the motions found.
 
         Each goes where the fitted tracks of most affinity to it are.
@@ -429,24 +432,24 @@ def _make_clusterer(
 
 
 def make_motion_pipeline(
-    models=ALL_MODELS,
-    n_clusters="auto",
+    models: str | Sequence[str] = ALL_MODELS,
+    n_clusters: int | str = "auto",
     *,
-    n_hypotheses=500,
-    frame_gap=1,
-    top=0.1,
-    sparsity=6.0,
-    covisibility_prior=2.0,
-    fusion="kernel_addition",
-    lam=1e-2,
-    gamma=1e-2,
-    delta=0.2,
-    min_clusters=1,
-    max_clusters=10,
-    memory=None,
-    n_jobs=None,
-    random_state=None,
-):
+    n_hypotheses: int = 500,
+    frame_gap: int = 1,
+    top: float = 0.1,
+    sparsity: float | None = 6.0,
+    covisibility_prior: float = 2.0,
+    fusion: str = "kernel_addition",
+    lam: float = 1e-2,
+    gamma: float = 1e-2,
+    delta: float = 0.2,
+    min_clusters: int = 1,
+    max_clusters: int = 10,
+    memory: str | os.PathLike[str] | Memory | None = None,
+    n_jobs: int | None = None,
+    random_state: int | np.random.RandomState | None = None,
+) -> Pipeline:
     """The paper's method as a plain scikit-learn pipeline.
 
     Parameters

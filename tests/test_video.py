@@ -66,6 +66,24 @@ def crossed(panned):
     return frames
 
 
+@pytest.fixture(scope="module")
+def turned(panned):
+    """The same with a square that turns as it crosses, which no shift explains."""
+    square, frames, middle = texture(1), [], (SQUARE_SIDE - 1) / 2
+    for f, background in enumerate(panned):
+        y, x = np.mgrid[:HEIGHT, :WIDTH]
+        x, y = (
+            np.array([x, y]) - (SQUARE_START + f * SQUARE_STEP + middle)[:, None, None]
+        )
+        angle = 0.06 * f
+        u = np.cos(angle) * x + np.sin(angle) * y
+        v = np.cos(angle) * y - np.sin(angle) * x
+        inside = np.maximum(abs(u), abs(v)) <= middle
+        seen = map_coordinates(square, [v + middle, u + middle], order=3).clip(0, 255)
+        frames.append(np.where(inside, seen, background).astype(np.uint8))
+    return frames
+
+
 def write_video(path, frames, codec="mp4v", fps=12.5):
     height, width = frames[0].shape[:2]
     fourcc = cv2.VideoWriter_fourcc(*codec)
@@ -426,8 +444,8 @@ def test_renderings_that_cannot_be(panned, tmp_path, labels, out, words):
 
 
 @pytest.fixture(scope="module")
-def clip(crossed, tmp_path_factory):
-    return write_video(tmp_path_factory.mktemp("clip") / "clip.avi", crossed, "MJPG")
+def clip(turned, tmp_path_factory):
+    return write_video(tmp_path_factory.mktemp("clip") / "clip.avi", turned, "MJPG")
 
 
 def run(capsys, *arguments):
