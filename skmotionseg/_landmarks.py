@@ -8,6 +8,7 @@ from ._branches import fit_branches, make_branch, place_tracks
 from ._core.landmarks import choose_landmarks, draw_evenly
 from ._core.spectral import ViewGraph
 from ._core.tracks import unpack_tracks
+from ._tasks import noting
 from .cluster import MultiModelSpectralClustering
 
 # A first look: so many tracks, cut by hypotheses this few into so many pieces.
@@ -16,7 +17,9 @@ FIRST_HYPOTHESES = 200
 PIECES = 30
 
 
-def landmarks_of(tracks, n_landmarks, models, seeds, batch_size, n_jobs):
+def landmarks_of(
+    tracks, n_landmarks, models, seeds, *, batch_size="auto", n_jobs=None, memory=None
+):
     """Positions of the tracks to fit: all, or a choice.
 
     A thing that covers a fiftieth of the image has a fiftieth of the tracks, and a cut
@@ -33,22 +36,31 @@ def landmarks_of(tracks, n_landmarks, models, seeds, batch_size, n_jobs):
         One for each model, and that of the choice, by name.
     batch_size : int or "auto"
     n_jobs : int or None
+    memory : str, path, joblib.Memory or None
 
     Returns
     -------
     ndarray of int, shape (n_landmarks,)
         Ascending.
+
+    Raises
+    ------
+    ValueError
+        If so few tracks leave no frame pair with as many as a model needs.
     """
     if n_landmarks == len(tracks):
         return np.arange(len(tracks))
     rng = np.random.RandomState(seeds["landmarks"])
-    n_first = min(FIRST_LANDMARKS, len(tracks))
+    n_first = min(max(FIRST_LANDMARKS, n_landmarks), len(tracks))
     first = choose_landmarks(*unpack_tracks(tracks), n_first, rng)
     branches = {
         model: make_branch(model, seeds[model], n_hypotheses=FIRST_HYPOTHESES)
         for model in models
     }
-    fitted, affinities, _ = fit_branches(branches, tracks[first], n_jobs)
+    with noting(
+        f"looking at {n_first} tracks of {len(tracks)}; n_landmarks says how many"
+    ):
+        fitted, affinities, _ = fit_branches(branches, tracks[first], n_jobs, memory)
     pieces = _pieces(affinities, rng)
     everywhere = place_tracks(fitted, tracks, pieces[None], batch_size, n_jobs)[0]
     return draw_evenly(everywhere, n_landmarks, rng)

@@ -268,7 +268,13 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         seeds = model_seeds(check_random_state(self.random_state))
         tracks = pack_tracks(points)
         self.landmarks_ = landmarks_of(
-            tracks, n_landmarks, models, seeds, self.batch_size, self.n_jobs
+            tracks,
+            n_landmarks,
+            models,
+            seeds,
+            batch_size=self.batch_size,
+            n_jobs=self.n_jobs,
+            memory=self.memory,
         )
         choosing = time.perf_counter()
         self.branches_, views, seconds = fit_branches(

@@ -144,6 +144,20 @@ def test_bad_numbers_are_errors(scene, name, value):
         segmenter.fit(scene[0])
 
 
+def test_landmarks_that_share_no_frame_are_named_in_the_error():
+    """Ten tracks in each two frames of a long video: fewer are too few."""
+    points = np.full((4000, 801, 2), np.nan)
+    for pair in range(400):
+        place = np.random.default_rng(pair).uniform(0, 500, size=(10, 1, 2))
+        points[10 * pair : 10 * pair + 10, 2 * pair : 2 * pair + 2] = place
+    segmenter = MotionSegmenter(2, models="fundamental", n_landmarks=20, random_state=0)
+    with pytest.raises(ValueError, match="needs 8 tracks") as caught:
+        segmenter.fit(points.reshape(4000, -1))
+    assert "looking at 600 tracks of 4000; n_landmarks" in "".join(
+        caught.value.__notes__
+    )
+
+
 # ------------------------------------------------------------------------- the placing
 
 
