@@ -34,6 +34,15 @@ def run_tasks(tasks, *, n_jobs=None, prefer=None):
     return parallel(delayed(task)() for task in tasks)
 
 
+def thread_map(n_jobs):
+    """A :func:`map` in so many threads, for large arrays and work that frees Python.
+
+    Threads whatever the engine: to send the arrays elsewhere would take longer.
+    """
+    parallel = Parallel(n_jobs=n_jobs, require="sharedmem")
+    return lambda function, items: parallel(delayed(function)(item) for item in items)
+
+
 def _dask_options():
     """Options of joblib for dask clusters, if that is where tasks are to run."""
     # Whoever asked for dask has had joblib import this; others need not.

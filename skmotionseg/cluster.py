@@ -19,6 +19,7 @@ from ._core.spectral import (
     cluster_features,
     extend_embedding,
 )
+from ._parallel import thread_map
 from ._threads import single_threaded
 from ._validation import check_n_groups, get_fusion, read_affinities, split_views
 
@@ -56,6 +57,8 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         ``n_clusters``.
     n_init : int, default=20
         Restarts of k-means.
+    n_jobs : int or None, default=None
+        Views to decompose at a time, in threads, for the fusions that look at each.
     random_state : int, RandomState instance or None, default=None
         Drives the starts of k-means.
 
@@ -110,6 +113,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         "max_iter": [Interval(Integral, 1, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
         "n_init": [Interval(Integral, 1, None, closed="left")],
+        "n_jobs": [Integral, None],
         "random_state": ["random_state"],
     }
 
@@ -123,6 +127,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         max_iter: int = 20,
         tol: float = 1e-5,
         n_init: int = 20,
+        n_jobs: int | None = None,
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
         self.n_clusters = n_clusters
@@ -132,6 +137,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         self.max_iter = max_iter
         self.tol = tol
         self.n_init = n_init
+        self.n_jobs = n_jobs
         self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
@@ -157,7 +163,9 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         """
         get_fusion(self.fusion)
         views = read_affinities(self, X)
-        graph = ViewGraph.from_affinities(views, self.n_clusters)
+        graph = ViewGraph.from_affinities(
+            views, self.n_clusters, thread_map(self.n_jobs)
+        )
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
 

@@ -21,7 +21,7 @@ from ._core.selection import (
     reconstruction_error,
 )
 from ._core.spectral import ViewGraph
-from ._parallel import run_tasks
+from ._parallel import run_tasks, thread_map
 from ._tasks import Task
 from ._threads import single_threaded
 from ._validation import check_n_groups, read_affinities
@@ -143,7 +143,8 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
                 f"{self.min_clusters} and {self.max_clusters}"
             )
         views = read_affinities(self, X)
-        graph = ViewGraph.from_affinities(views, self.max_clusters)
+        map_views = thread_map(getattr(self.clusterer, "n_jobs", None))
+        graph = ViewGraph.from_affinities(views, self.max_clusters, map_views)
         check_n_groups("min_clusters", self.min_clusters, graph)
         self.counts_ = np.arange(self.min_clusters, graph.n_leading + 1)
         candidates = self._fit_candidates(views, graph)

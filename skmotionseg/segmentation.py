@@ -354,7 +354,11 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     def _select(self, points, visibility, views, seed):
         """Search the counts that are open by the rule that is asked for."""
         clusterer = MultiModelSpectralClustering(
-            fusion=self.fusion, lam=self.lam, gamma=self.gamma, random_state=seed
+            fusion=self.fusion,
+            lam=self.lam,
+            gamma=self.gamma,
+            n_jobs=self.n_jobs,
+            random_state=seed,
         )
         if self.selection == "description_length":
             clusterer.set_params(n_init=SEARCH_RESTARTS)

@@ -39,6 +39,8 @@ class ViewGraph:
     normalized : ndarray of shape (n_views, n, n)
         ``D^-1/2 K D^-1/2`` of each view.
     n_leading : int
+    map_views : callable
+        Like :func:`map`, which it is unless views are to be decomposed in parallel.
     """
 
     n_samples: int
@@ -46,21 +48,23 @@ class ViewGraph:
     degrees: np.ndarray
     normalized: np.ndarray
     n_leading: int
+    map_views: Callable = map
 
     @classmethod
-    def from_affinities(cls, views, n_leading):
+    def from_affinities(cls, views, n_leading, map_views=map):
         """Build the graph from affinities (n_views, n_samples, n_samples)."""
         n_samples = views.shape[1]
         connected = connected_tracks(views)
         views = views[:, connected[:, None], connected]
         normalized = np.stack([normalized_affinity(view) for view in views])
         n_leading = min(n_leading, len(connected))
-        return cls(n_samples, connected, views.sum(axis=2), normalized, n_leading)
+        degrees = views.sum(axis=2)
+        return cls(n_samples, connected, degrees, normalized, n_leading, map_views)
 
     @cached_property
     def view_spectra(self):
         """All eigenvalues, the largest first, and eigenvectors of each view."""
-        return [spectrum(N) for N in self.normalized]
+        return list(self.map_views(spectrum, self.normalized))
 
     @cached_property
     def sum_spectrum(self):
