@@ -63,7 +63,8 @@ def draw_growth(rows, path):
             guide = values[0] * sizes / sizes[0]
             axes.loglog(sizes, guide, "--", color="0.6", label="slope 1")
             axes.set(ylabel=title, xticks=sizes, xticklabels=[f"{s:,}" for s in sizes])
-            axes.set_yticks(values, [f"{v:,.{2 * (v < 10)}f}" for v in values])
+            ends = [min(values), max(values)]  # those between may be too close to write
+            axes.set_yticks(ends, [f"{v:,.{2 * (v < 10)}f}" for v in ends])
             axes.minorticks_off()
             axes.legend(frameon=False)
         other = "n_frames" if scene == "tracks" else "n_tracks"
