@@ -153,3 +153,13 @@ def check_n_groups(name, count, graph):
             f"{name}={count} is more than the {len(graph.connected)} tracks that have "
             f"an affinity to another (n_samples={graph.n_samples})"
         )
+
+
+def check_label_each(labels, n_tracks):
+    """Labels as an array, if there is one a track."""
+    labels = np.asarray(labels)
+    if labels.shape != (n_tracks,):
+        raise ValueError(
+            f"{n_tracks} tracks need a label each; got shape {labels.shape}"
+        )
+    return labels

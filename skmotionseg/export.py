@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core.tracks import pack_tracks, unpack_tracks
+from ._validation import check_label_each
 from ._writing import replacing
 
 
@@ -132,11 +133,7 @@ def save_motions(
 
 
 def _check_labels(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    labels = np.asarray(labels)
-    if labels.shape != (n_tracks,):
-        raise ValueError(
-            f"{n_tracks} tracks need a label each; got shape {labels.shape}"
-        )
+    labels = check_label_each(labels, n_tracks)
     if labels.dtype.kind not in "iu":
         raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
     return labels

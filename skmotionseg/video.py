@@ -24,6 +24,7 @@ from ._core.tracks import pack_tracks, unpack_tracks
 from ._extras import require
 from ._frames import open_frames
 from ._palette import motion_colour
+from ._validation import check_label_each
 from ._writing import check_output, replacing_path
 
 # Side, in pixels, of the window in which texture is measured and flow is refined.
@@ -362,11 +363,7 @@ def render_segmentation(
     True
     """
     points, visibility = unpack_tracks(X)
-    labels = np.asarray(labels)
-    if labels.shape != (len(points),):
-        raise ValueError(
-            f"{len(points)} tracks need a label each; got shape {labels.shape}"
-        )
+    labels = check_label_each(labels, len(points))
     out = Path(out)
     check_output(out, RENDER_ENDINGS)
     _check_number("trail", trail, Integral, 0)

@@ -47,7 +47,7 @@ class Preferences:
             marks.append(np.packbits(_mark_smallest(residuals, n_top), axis=1))
         return cls(n_tracks, rows, marks)
 
-    @property
+    @cached_property
     def seen(self):
         """Whether each track is seen in each pair: bool, (n_tracks, n_pairs)."""
         seen = np.zeros((self.n_tracks, len(self.rows)), dtype=bool)

@@ -9,6 +9,7 @@ import numpy as np
 from .._core.tracks import unpack_tracks
 from .._extras import require
 from .._palette import motion_colour
+from .._validation import check_label_each
 from ._drawing import (
     check_labels,
     figure_and_ax,
@@ -58,11 +59,7 @@ def plot_motions(X, labels, *, frames=None, ax=None, title=None):
     """
     plt = require("matplotlib.pyplot", extra="plot")
     points, visibility = unpack_tracks(X)
-    labels = np.asarray(labels)
-    if labels.shape != (len(points),):
-        raise ValueError(
-            f"{len(points)} tracks need a label each; got shape {labels.shape}"
-        )
+    labels = check_label_each(labels, len(points))
     first, second = frames if frames is not None else _shared_frames(visibility)
     shared = visibility[:, first] & visibility[:, second]
     ax = plt.subplots(figsize=(6.4, 4))[1] if ax is None else ax
