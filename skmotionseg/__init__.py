@@ -4,19 +4,26 @@ from ._core.tracks import pack_tracks, unpack_tracks
 from .cluster import MultiModelSpectralClustering
 from .export import save_motions, static_mask
 from .kernels import ORKKernel
-from .model_selection import NCREModelSelector, PerSequence
+from .model_selection import (
+    EigengapModelSelector,
+    NCREModelSelector,
+    PerSequence,
+    SelfTuningModelSelector,
+)
 from .sampling import HypothesisSampler
 from .segmentation import MotionSegmenter, make_motion_pipeline
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "EigengapModelSelector",
     "HypothesisSampler",
     "MotionSegmenter",
     "MultiModelSpectralClustering",
     "NCREModelSelector",
     "ORKKernel",
     "PerSequence",
+    "SelfTuningModelSelector",
     "make_motion_pipeline",
     "pack_tracks",
     "save_motions",

@@ -147,7 +147,13 @@ def _add_bench(commands):
         "--datasets", nargs="+", choices=list(LOADERS), help="those found in DIR"
     )
     bench.add_argument(
-        "--methods", nargs="+", choices=list(METHODS), default=list(METHODS)
+        "--methods",
+        nargs="+",
+        choices=list(METHODS),
+        default=list(METHODS),
+        help="all: the paper's, which choose the number of motions by NCRE; eigengap "
+        "and self_tuning, which choose it so, with all models or, as in the paper, with "
+        "homographies; and ours (default)",
     )
     bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
     bench.add_argument("--json", type=Path, metavar="FILE", help="every record")

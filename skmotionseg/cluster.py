@@ -79,7 +79,8 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
 
     See Also
     --------
-    NCREModelSelector : Chooses the number of clusters.
+    NCREModelSelector, EigengapModelSelector, SelfTuningModelSelector : Choose the
+        number of clusters.
 
     Notes
     -----

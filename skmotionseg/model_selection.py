@@ -15,6 +15,7 @@ from sklearn.utils._param_validation import HasMethods, Interval
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
+from ._core.eigenstructure import alignment_costs, best_aligned, eigengap_costs
 from ._core.selection import (
     canonical_labels,
     normalized_cut,
@@ -40,81 +41,22 @@ def _labels_of_connected(labels, connected):
     return canonical_labels(kept)
 
 
-class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
-    """Choose the number of clusters by normalised cut and reconstruction error.
+class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
+    """Cluster into each of several counts and choose one by a rule.
 
-    For each count the affinities are clustered, and the partition costs
-    ``Ncut + delta * reconstruction``, summed over the views: cutting more costs more,
-    and a partition that merges what the affinity keeps apart reconstructs it badly.
-    The count of the lowest cost is taken; of equal costs, the smallest count.
-
-    Parameters
-    ----------
-    clusterer : estimator, default=None
-        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``. None is
-        :class:`MultiModelSpectralClustering` as it comes. Another gets the views side
-        by side, so it must take that, or there must be but one view.
-    delta : float, default=0.2
-        Weight of the reconstruction error: larger values choose more clusters.
-    min_clusters, max_clusters : int, default=1 and 10
-        Counts to try; no more than there are rows with an affinity to another.
-    random_state : int, RandomState instance or None, default=None
-        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
-        seed for each count, if it has a ``random_state``; else its own holds.
-
-    Attributes
-    ----------
-    n_clusters_ : int
-    labels_ : ndarray of int, shape (n,)
-        Those of the chosen count.
-    counts_ : ndarray of int, shape (n_counts,)
-        The counts that were tried.
-    costs_ : ndarray of shape (n_counts, 3)
-        Normalised cut, reconstruction error and total, for each count.
-    candidate_labels_ : ndarray of int, shape (n_counts, n)
-        The partition of each count.
-    clusterer_ : estimator
-        The one fitted with the chosen count.
-    n_features_in_ : int
-
-    References
-    ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 4, eq. 13. The normalised cut is
-    the first line of its eq. 11, ``sum_m cut(A_m) / vol(A_m)``.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from skmotionseg import NCREModelSelector
-    >>> block = np.kron(np.eye(3), np.ones((4, 4)))  # three groups of four
-    >>> selector = NCREModelSelector(random_state=0).fit(np.hstack([block, block]))
-    >>> selector.n_clusters_
-    3
+    A rule gives three costs a count (:meth:`_costs_of_counts`): two terms and the total
+    that decides, the least unless :meth:`_choose` says otherwise.
     """
 
     _parameter_constraints: dict = {
         "clusterer": [HasMethods(["fit", "get_params", "set_params"]), None],
-        "delta": [Interval(Real, 0, None, closed="left")],
         "min_clusters": [Interval(Integral, 1, None, closed="left")],
         "max_clusters": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
     }
 
-    def __init__(
-        self,
-        clusterer: BaseEstimator | None = None,
-        *,
-        delta: float = 0.2,
-        min_clusters: int = 1,
-        max_clusters: int = 10,
-        random_state: int | np.random.RandomState | None = None,
-    ) -> None:
-        self.clusterer = clusterer
-        self.delta = delta
-        self.min_clusters = min_clusters
-        self.max_clusters = max_clusters
-        self.random_state = random_state
+    # Eigenvectors that the rule needs beyond those of the largest count.
+    _n_more_eigenvectors = 0
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
@@ -143,22 +85,35 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
                 f"{self.min_clusters} and {self.max_clusters}"
             )
         views = read_affinities(self, X)
-        map_views = thread_map(getattr(self.clusterer, "n_jobs", None))
-        graph = ViewGraph.from_affinities(views, self.max_clusters, map_views)
+        graph = ViewGraph.from_affinities(
+            views,
+            self.max_clusters + self._n_more_eigenvectors,
+            thread_map(getattr(self.clusterer, "n_jobs", None)),
+        )
         check_n_groups("min_clusters", self.min_clusters, graph)
-        self.counts_ = np.arange(self.min_clusters, graph.n_leading + 1)
+        self.counts_ = self._open_counts(min(self.max_clusters, len(graph.connected)))
         candidates = self._fit_candidates(views, graph)
         self.candidate_labels_ = np.stack(
             [_labels_of_connected(c.labels_, graph.connected) for c in candidates]
         )
-        self.costs_ = np.stack(
-            [partition_costs(views, y, self.delta) for y in self.candidate_labels_]
-        )
-        best = int(self.costs_[:, 2].argmin())
-        self.clusterer_ = candidates[best]
-        self.labels_ = self.candidate_labels_[best]
+        self.costs_ = self._costs_of_counts(views, graph)
+        self.best_index_ = self._choose(self.costs_[:, 2])
+        self.clusterer_ = candidates[self.best_index_]
+        self.labels_ = self.candidate_labels_[self.best_index_]
         self.n_clusters_ = int(self.labels_.max()) + 1
         return self
+
+    def _open_counts(self, most):
+        """Counts to try, ``most`` being the largest that is possible."""
+        return np.arange(self.min_clusters, most + 1)
+
+    def _costs_of_counts(self, views, graph):
+        """Two terms and the total for each of ``counts_``."""
+        raise NotImplementedError
+
+    def _choose(self, totals):
+        """Position of the count to take; of equal costs, the smallest."""
+        return int(totals.argmin())
 
     def _fit_candidates(self, views, graph):
         """A fitted clusterer for each count; ours share the graph's eigenvectors."""
@@ -206,6 +161,260 @@ class NCREModelSelector(AffinityInput, ClusterMixin, BaseEstimator):
         # The clusterer's own numbers of the groups, as ours.
         ours = dict(zip(self.clusterer_.labels_, self.labels_, strict=True))
         return np.array([ours.get(label, -1) for label in labels], dtype=int)
+
+
+class NCREModelSelector(CountSelector):
+    """Choose the number of clusters by normalised cut and reconstruction error.
+
+    For each count the affinities are clustered, and the partition costs
+    ``Ncut + delta * reconstruction``, summed over the views: cutting more costs more,
+    and a partition that merges what the affinity keeps apart reconstructs it badly.
+    The count of the lowest cost is taken; of equal costs, the smallest count.
+
+    Parameters
+    ----------
+    clusterer : estimator, default=None
+        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``. None is
+        :class:`MultiModelSpectralClustering` as it comes. Another gets the views side
+        by side, so it must take that, or there must be but one view.
+    delta : float, default=0.2
+        Weight of the reconstruction error: larger values choose more clusters.
+    min_clusters, max_clusters : int, default=1 and 10
+        Counts to try; no more than there are rows with an affinity to another.
+    random_state : int, RandomState instance or None, default=None
+        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
+        seed for each count, if it has a ``random_state``; else its own holds.
+
+    Attributes
+    ----------
+    n_clusters_ : int
+    labels_ : ndarray of int, shape (n,)
+        Those of the chosen count.
+    counts_ : ndarray of int, shape (n_counts,)
+        The counts that were tried.
+    costs_ : ndarray of shape (n_counts, 3)
+        Normalised cut, reconstruction error and total, for each count.
+    candidate_labels_ : ndarray of int, shape (n_counts, n)
+        The partition of each count.
+    best_index_ : int
+        Position of the chosen count.
+    clusterer_ : estimator
+        The one fitted with the chosen count.
+    n_features_in_ : int
+
+    See Also
+    --------
+    EigengapModelSelector, SelfTuningModelSelector : Other rules.
+
+    References
+    ----------
+    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
+    Number of Models", IEEE TPAMI 43(1), 2021, sec. 4, eq. 13. The normalised cut is
+    the first line of its eq. 11, ``sum_m cut(A_m) / vol(A_m)``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import NCREModelSelector
+    >>> block = np.kron(np.eye(3), np.ones((4, 4)))  # three groups of four
+    >>> selector = NCREModelSelector(random_state=0).fit(np.hstack([block, block]))
+    >>> selector.n_clusters_
+    3
+    """
+
+    _parameter_constraints: dict = {
+        **CountSelector._parameter_constraints,
+        "delta": [Interval(Real, 0, None, closed="left")],
+    }
+
+    def __init__(
+        self,
+        clusterer: BaseEstimator | None = None,
+        *,
+        delta: float = 0.2,
+        min_clusters: int = 1,
+        max_clusters: int = 10,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.clusterer = clusterer
+        self.delta = delta
+        self.min_clusters = min_clusters
+        self.max_clusters = max_clusters
+        self.random_state = random_state
+
+    def _costs_of_counts(self, views, graph):
+        return np.stack(
+            [partition_costs(views, y, self.delta) for y in self.candidate_labels_]
+        )
+
+
+class EigengapModelSelector(CountSelector):
+    """Choose the number of clusters by the largest gap between eigenvalues.
+
+    Without an affinity between groups, the normalised Laplacian has the eigenvalue 0
+    once for each; with little, as many small eigenvalues, and then a gap. The count
+    before the largest gap is taken; of equal gaps, the smallest count. Several views
+    are joined as by kernel addition, into the mean of their Laplacians, whatever the
+    fusion of the clusterer.
+
+    Parameters
+    ----------
+    clusterer : estimator, default=None
+        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
+        choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
+        it comes. Another gets the views side by side.
+    min_clusters, max_clusters : int, default=1 and 10
+        Counts to try; no more than there are rows with an affinity to another.
+    random_state : int, RandomState instance or None, default=None
+        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
+        seed for each count, if it has a ``random_state``; else its own holds.
+
+    Attributes
+    ----------
+    n_clusters_ : int
+    labels_ : ndarray of int, shape (n,)
+        Those of the chosen count.
+    counts_ : ndarray of int, shape (n_counts,)
+        The counts that were tried.
+    costs_ : ndarray of shape (n_counts, 3)
+        For each count k the eigenvalue k, the next, which counts as its own if there is
+        none, and the first less the second.
+    candidate_labels_ : ndarray of int, shape (n_counts, n)
+        The partition of each count.
+    best_index_ : int
+        Position of the chosen count.
+    clusterer_ : estimator
+        The one fitted with the chosen count.
+    n_features_in_ : int
+
+    See Also
+    --------
+    NCREModelSelector, SelfTuningModelSelector : Other rules.
+
+    References
+    ----------
+    U. von Luxburg, "A Tutorial on Spectral Clustering", Statistics and Computing 17(4),
+    2007, sec. 8.3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import EigengapModelSelector
+    >>> block = np.kron(np.eye(3), np.ones((4, 4))) + 0.1  # three groups of four
+    >>> selector = EigengapModelSelector(max_clusters=5, random_state=0).fit(block)
+    >>> selector.n_clusters_
+    3
+    >>> selector.costs_[:, 2].round(2)  # the gaps, below zero
+    array([-0.23, -0.  , -0.77, -0.  , -0.  ])
+    """
+
+    _n_more_eigenvectors = 1
+
+    def __init__(
+        self,
+        clusterer: BaseEstimator | None = None,
+        *,
+        min_clusters: int = 1,
+        max_clusters: int = 10,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.clusterer = clusterer
+        self.min_clusters = min_clusters
+        self.max_clusters = max_clusters
+        self.random_state = random_state
+
+    def _costs_of_counts(self, views, graph):
+        values, _ = graph.sum_spectrum
+        return eigengap_costs(1 - values / len(views), self.counts_)
+
+
+class SelfTuningModelSelector(CountSelector):
+    """Choose the number of clusters by how well eigenvectors align with the axes.
+
+    Without an affinity between groups, the leading eigenvectors, as many as there are
+    groups, can be rotated so that each row has one entry that is not zero. For each
+    count the best rotation is looked for, and the largest count is taken that comes as
+    near to that as any, up to a thousandth. Several views are joined as by kernel
+    addition, into the sum of their Laplacians, whatever the fusion of the clusterer.
+
+    Parameters
+    ----------
+    clusterer : estimator, default=None
+        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
+        choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
+        it comes. Another gets the views side by side.
+    min_clusters, max_clusters : int, default=2 and 10
+        Counts to try; no more than there are rows with an affinity to another. A single
+        eigenvector is always aligned, which says nothing: 1 is only tried where it is
+        the only count.
+    random_state : int, RandomState instance or None, default=None
+        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
+        seed for each count, if it has a ``random_state``; else its own holds.
+
+    Attributes
+    ----------
+    n_clusters_ : int
+    labels_ : ndarray of int, shape (n,)
+        Those of the chosen count.
+    counts_ : ndarray of int, shape (n_counts,)
+        The counts that were tried.
+    costs_ : ndarray of shape (n_counts, 3)
+        For each count C, with ``Z`` the n rotated rows,
+        ``sum_ij Z_ij^2 / max_j Z_ij^2 / (n C)``, its least value ``1 / C``, and the
+        first less the second.
+    candidate_labels_ : ndarray of int, shape (n_counts, n)
+        The partition of each count.
+    best_index_ : int
+        Position of the chosen count.
+    clusterer_ : estimator
+        The one fitted with the chosen count.
+    n_features_in_ : int
+
+    See Also
+    --------
+    NCREModelSelector, EigengapModelSelector : Other rules.
+
+    Notes
+    -----
+    This is how self-tuning spectral clustering chooses the number of groups. Its other
+    half, a local scale for distances, has no part here: affinities come as they are.
+
+    References
+    ----------
+    L. Zelnik-Manor and P. Perona, "Self-Tuning Spectral Clustering", NIPS 2004, sec. 3.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import SelfTuningModelSelector
+    >>> block = np.kron(np.eye(3), np.ones((4, 4))) + 0.1  # three groups of four
+    >>> selector = SelfTuningModelSelector(max_clusters=5, random_state=0).fit(block)
+    >>> selector.n_clusters_
+    3
+    """
+
+    def __init__(
+        self,
+        clusterer: BaseEstimator | None = None,
+        *,
+        min_clusters: int = 2,
+        max_clusters: int = 10,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.clusterer = clusterer
+        self.min_clusters = min_clusters
+        self.max_clusters = max_clusters
+        self.random_state = random_state
+
+    def _open_counts(self, most):
+        return np.arange(min(max(self.min_clusters, 2), most), most + 1)
+
+    def _costs_of_counts(self, views, graph):
+        _, vectors = graph.sum_spectrum
+        return alignment_costs(vectors, self.counts_)
+
+    def _choose(self, totals):
+        return best_aligned(totals)
 
 
 def partition_costs(

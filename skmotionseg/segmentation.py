@@ -34,10 +34,14 @@ from ._scale import check_batch_size, number_of_landmarks
 from ._threads import single_threaded
 from ._validation import TracksInput, get_fusion
 from .cluster import MultiModelSpectralClustering
-from .model_selection import NCREModelSelector
+from .model_selection import (
+    EigengapModelSelector,
+    NCREModelSelector,
+    SelfTuningModelSelector,
+)
 
-# One exponent of the epsilon-neighbourhood for all data, where there is but one.
-NCRE_SPARSITY = 6.0
+# One exponent of the epsilon-neighbourhood for all data, where the graph is to choose.
+GRAPH_SPARSITY = 6.0
 # Restarts of k-means for each of many candidates; a single partition gets more.
 SEARCH_RESTARTS = 8
 
@@ -65,19 +69,23 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     top : float, default=0.1
         Share of a pair's hypotheses a track keeps (see :class:`ORKKernel`).
     sparsity : float or "auto", default="auto"
-        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`). "auto" is 6 for
-        ``selection="ncre"``, and 4 and 8 otherwise.
+        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`). "auto" is 4
+        and 8 for ``selection="description_length"``, and 6 otherwise.
     covisibility_prior : float, default=2
         How little few common frames count (see :class:`ORKKernel`).
     fusion : {"kernel_addition", "coreg", "subset"}, default="kernel_addition"
         How the models are joined (see :class:`MultiModelSpectralClustering`).
     lam, gamma : float, default=1e-2
         Weights of the fusions "coreg" and "subset".
-    selection : {"description_length", "ncre"}, default="description_length"
+    selection : {"description_length", "ncre", "eigengap", "self_tuning"}, \
+default="description_length"
         How the partition is chosen. "description_length" tries several and takes the
         one that describes the tracks best by a fundamental matrix a motion and frame
-        pair and cuts the graph little; "ncre" is the paper's choice of the number of
-        motions by normalised cut and reconstruction error.
+        pair and cuts the graph little. The others choose the number of motions by the
+        graph alone: "ncre", as the paper, by normalised cut and reconstruction error
+        (see :class:`NCREModelSelector`); "eigengap" and "self_tuning", with which the
+        paper compares it, by eigenvalues (:class:`EigengapModelSelector`) and by
+        eigenvectors (:class:`SelfTuningModelSelector`, which does not take 1).
     delta : float, default=0.2
         Weight of the reconstruction error, for ``selection="ncre"`` (see
         :class:`NCREModelSelector`).
@@ -114,7 +122,8 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     costs_ : ndarray of shape (n_counts, 3)
         For each, the normalised cut, the description length (nats an observation) or
         the reconstruction error, and the total. The cheapest count is taken, but by
-        description length only if each two motions gain from being apart.
+        description length only if each two motions gain from being apart. For
+        "eigengap" and "self_tuning" see the ``costs_`` of their estimators.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
         For each, the best partition.
     landmarks_ : ndarray of int, shape (n_landmarks,)
@@ -176,7 +185,9 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         "fusion": [str],
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
-        "selection": [StrOptions({"description_length", "ncre"})],
+        "selection": [
+            StrOptions({"description_length", "ncre", "eigengap", "self_tuning"})
+        ],
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
@@ -349,7 +360,7 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     def _kernel_sparsity(self):
         if self.selection == "description_length":
             return None  # the search sparsifies, in several ways
-        return NCRE_SPARSITY if self.sparsity == "auto" else self.sparsity
+        return GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
 
     def _select(self, points, visibility, views, seed):
         """Search the counts that are open by the rule that is asked for."""
@@ -371,15 +382,14 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
                 f"{fewest} motions are more than the {n_connected} tracks that share "
                 f"a preference with another (n_samples={len(points)})"
             )
-        if self.selection == "ncre":
-            selector = NCREModelSelector(
-                clusterer, delta=self.delta, min_clusters=fewest, max_clusters=most
-            ).fit(np.hstack(views))
+        if self.selection != "description_length":
+            selector = self._make_selector(clusterer, fewest, most)
+            selector.fit(np.hstack(views))
             return PartitionSearch(
                 selector.counts_,
                 selector.costs_,
                 selector.candidate_labels_,
-                int(selector.costs_[:, 2].argmin()),
+                selector.best_index_,
             )
         return search_partitions(
             points,
@@ -389,6 +399,15 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
             self.sparsity,
             clusterer,
         )
+
+    def _make_selector(self, clusterer, fewest, most):
+        """The estimator that chooses the number of motions by the graph."""
+        counts = {"min_clusters": fewest, "max_clusters": most}
+        if self.selection == "ncre":
+            return NCREModelSelector(clusterer, delta=self.delta, **counts)
+        if self.selection == "eigengap":
+            return EigengapModelSelector(clusterer, **counts)
+        return SelfTuningModelSelector(clusterer, **counts)
 
     @single_threaded
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:

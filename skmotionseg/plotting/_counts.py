@@ -9,7 +9,12 @@ from .._extras import require
 from .._palette import series_colour
 from .._partition_search import CUT_WEIGHT
 from .._validation import split_views
-from ..model_selection import NCREModelSelector, partition_costs
+from ..model_selection import (
+    EigengapModelSelector,
+    NCREModelSelector,
+    SelfTuningModelSelector,
+    partition_costs,
+)
 from ._drawing import (
     check_labels,
     count_motions,
@@ -91,8 +96,8 @@ class CountDisplay:
         Parameters
         ----------
         estimator : fitted estimator or Pipeline
-            :class:`~skmotionseg.NCREModelSelector`, alone or last in a pipeline, or
-            :class:`~skmotionseg.MotionSegmenter`.
+            :class:`~skmotionseg.NCREModelSelector` or another selector, alone or last
+            in a pipeline, or :class:`~skmotionseg.MotionSegmenter`.
         ax : matplotlib axes, optional
 
         Returns
@@ -111,16 +116,13 @@ class CountDisplay:
                 f"{type(last).__name__} does not compare numbers of motions; give an "
                 "NCREModelSelector or a MotionSegmenter"
             )
-        by_length = getattr(last, "selection", "ncre") == "description_length"
+        weights, term_names = _terms(last)
         display = cls(
             last.counts_,
             last.costs_,
             _chosen_count(last),
-            weights=(CUT_WEIGHT, 1) if by_length else (1, last.delta),
-            term_names=(
-                "normalised cut",
-                "nats an observation" if by_length else "reconstruction error",
-            ),
+            weights=weights,
+            term_names=term_names,
         )
         return display.plot(ax=ax)
 
@@ -230,6 +232,18 @@ class CountDisplay:
         self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
         self.legend_ = legend_below(self.ax_, 2)
         return self
+
+
+def _terms(estimator):
+    """Weights and names of the two terms of a fitted estimator's costs."""
+    rule = getattr(estimator, "selection", None)
+    if rule == "description_length":
+        return (CUT_WEIGHT, 1), ("normalised cut", "nats an observation")
+    if rule == "eigengap" or isinstance(estimator, EigengapModelSelector):
+        return (1, -1), ("eigenvalue", "next eigenvalue")
+    if rule == "self_tuning" or isinstance(estimator, SelfTuningModelSelector):
+        return (1, -1), ("alignment cost", "its least value")
+    return (1, estimator.delta), ("normalised cut", "reconstruction error")
 
 
 def _chosen_count(estimator):
