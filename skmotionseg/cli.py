@@ -151,9 +151,9 @@ def _add_bench(commands):
         nargs="+",
         choices=list(METHODS),
         default=list(METHODS),
-        help="all: the paper's, which choose the number of motions by NCRE; eigengap "
-        "and self_tuning, which choose it so, with all models or, as in the paper, with "
-        "homographies; and ours (default)",
+        help="(all): the paper's, which choose the number of motions by NCRE; eigengap "
+        "and self_tuning, other choices, by all models or, as the paper compares them, "
+        "by homographies; and ours, which is called default",
     )
     bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
     bench.add_argument("--json", type=Path, metavar="FILE", help="every record")

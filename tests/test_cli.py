@@ -25,6 +25,11 @@ from skmotionseg.metrics import (
 
 PNG = b"\x89PNG\r\n\x1a\n"
 METHODS = ("affine", "homography", "fundamental", "kernel_addition", "coreg", "subset")
+COMPARED = tuple(
+    models + rule
+    for models in ("homography_", "")
+    for rule in ("eigengap", "self_tuning")
+)
 STAGES = ["hypotheses", "kernel", "clustering"]
 RECORD = {
     "dataset",
@@ -306,7 +311,7 @@ def test_bench_takes_what_it_finds_and_knows(run, benchmarks, monkeypatch):
     for dataset in ("Hopkins12: 1 sequences", "KT3DMoSeg: 2 sequences"):
         assert dataset in printed
     errors, seconds = printed.split("mean seconds")
-    for name in (*METHODS, "default"):
+    for name in (*METHODS, *COMPARED, "default"):
         assert errors.count(f"│ {name} ") == 2  # one in the table of each dataset
         assert f"│ {name} " in seconds
     for dataset in ("Hopkins155", "MTPV62"):
@@ -382,11 +387,15 @@ def test_bench_prints_the_papers_scores_of_regions(run, fbms, monkeypatch):
 
 
 def test_the_papers_methods_are_the_papers():
-    """All but the default choose the count as the paper does."""
-    assert set(_bench.METHODS) == {*METHODS, "default"}
+    """They choose the count as the paper does, or as what it compares with."""
+    assert set(_bench.METHODS) == {*METHODS, *COMPARED, "default"}
     for name in METHODS:
         segmenter = MotionSegmenter(**_bench.METHODS[name])
         assert segmenter.selection == "ncre"
+    for name in COMPARED:
+        segmenter = MotionSegmenter(**_bench.METHODS[name])
+        assert name.endswith(segmenter.selection)
+        assert (segmenter.models == ("homography",)) == name.startswith("homography")
     assert MotionSegmenter(**_bench.METHODS["default"]).get_params() == (
         MotionSegmenter().get_params()
     )

@@ -15,12 +15,14 @@ from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import check_estimator
 
 from skmotionseg import (
+    EigengapModelSelector,
     HypothesisSampler,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
     ORKKernel,
     PerSequence,
+    SelfTuningModelSelector,
 )
 
 SMALL = {"n_hypotheses": 20, "random_state": 0}
@@ -77,6 +79,11 @@ CASES = {
     "ORKKernel": (ORKKernel(n_hypotheses=1), set()),
     "MultiModelSpectralClustering": (MultiModelSpectralClustering(), NOT_AFFINITIES),
     "NCREModelSelector": (NCREModelSelector(max_clusters=3), NOT_AFFINITIES),
+    "EigengapModelSelector": (EigengapModelSelector(max_clusters=3), NOT_AFFINITIES),
+    "SelfTuningModelSelector": (
+        SelfTuningModelSelector(max_clusters=3),
+        NOT_AFFINITIES,
+    ),
     "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
     "MotionSegmenter, any matrix": (AnySegmenter(3, **ENOUGH), set()),
     "MotionSegmenter, affine, count unknown, any matrix": (
@@ -123,7 +130,13 @@ def test_checks_that_check_estimator_leaves_out(case, check):
 
 @pytest.mark.parametrize(
     "estimator",
-    [MultiModelSpectralClustering(), NCREModelSelector(), PerSequence(None)],
+    [
+        MultiModelSpectralClustering(),
+        NCREModelSelector(),
+        EigengapModelSelector(),
+        SelfTuningModelSelector(),
+        PerSequence(None),
+    ],
 )
 def test_parameters_are_validated(estimator):
     name = type(estimator).__name__

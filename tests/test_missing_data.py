@@ -22,7 +22,9 @@ MODELS = ("affine", "homography", "fundamental")
 FUSIONS = ("kernel_addition", "coreg", "subset")
 SMALL = {"n_hypotheses": 200, "random_state": 0}
 
-every_selection = pytest.mark.parametrize("selection", ["description_length", "ncre"])
+every_selection = pytest.mark.parametrize(
+    "selection", ["description_length", "ncre", "eigengap", "self_tuning"]
+)
 every_count = pytest.mark.parametrize("n_motions", [2, "auto"])
 
 

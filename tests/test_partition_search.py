@@ -30,7 +30,9 @@ def test_rows_labelled_minus_one_have_no_vote():
     )
 
 
-@pytest.mark.parametrize("selection", ["description_length", "ncre"])
+@pytest.mark.parametrize(
+    "selection", ["description_length", "ncre", "eigengap", "self_tuning"]
+)
 def test_the_labels_are_those_of_the_chosen_count(scene, selection):
     segmenter = MotionSegmenter(
         selection=selection, max_motions=4, n_hypotheses=200, random_state=0

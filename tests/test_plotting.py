@@ -251,7 +251,9 @@ def test_costs_are_drawn_with_their_weights(small):
     ]
 
 
-@pytest.mark.parametrize("selection", ["ncre", "description_length"])
+@pytest.mark.parametrize(
+    "selection", ["ncre", "description_length", "eigengap", "self_tuning"]
+)
 def test_weighted_terms_add_up_to_the_total(small, selection):
     X, *_ = small
     segmenter = MotionSegmenter(

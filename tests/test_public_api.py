@@ -79,12 +79,14 @@ def test_all_is_exactly_what_is_public(module):
 
 def test_the_contract():
     assert set(skmotionseg.__all__) == {
+        "EigengapModelSelector",
         "HypothesisSampler",
         "MotionSegmenter",
         "MultiModelSpectralClustering",
         "NCREModelSelector",
         "ORKKernel",
         "PerSequence",
+        "SelfTuningModelSelector",
         "make_motion_pipeline",
         "pack_tracks",
         "save_motions",

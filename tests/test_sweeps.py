@@ -17,12 +17,14 @@ from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV, KFold, ParameterGrid
 
 from skmotionseg import (
+    EigengapModelSelector,
     HypothesisSampler,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
     ORKKernel,
     PerSequence,
+    SelfTuningModelSelector,
     make_motion_pipeline,
 )
 from skmotionseg._core.motion_models import MOTION_MODELS, translation_map
@@ -34,7 +36,9 @@ SUBSETS = [(A, H), (H, F), (A, H, F)]
 SMALL = {"n_hypotheses": 200, "random_state": 0}
 PAPER = {"selection": "ncre", "sparsity": 6.0, **SMALL}  # of a segmenter
 
-every_selection = pytest.mark.parametrize("selection", ["description_length", "ncre"])
+every_selection = pytest.mark.parametrize(
+    "selection", ["description_length", "ncre", "eigengap", "self_tuning"]
+)
 right = make_scorer(misclassification_error, greater_is_better=False)
 
 # joblib warns when a loaded machine takes long to hash its arguments.
@@ -318,6 +322,8 @@ ESTIMATORS = [
     ORKKernel(n_hypotheses=7, top=0.3, sparsity=None, covisibility_prior=1),
     MultiModelSpectralClustering(3, fusion="subset", gamma=0.5, random_state=1),
     NCREModelSelector(MultiModelSpectralClustering(lam=0.5), delta=0.7),
+    EigengapModelSelector(MultiModelSpectralClustering(lam=0.5), min_clusters=2),
+    SelfTuningModelSelector(max_clusters=7, random_state=1),
     MotionSegmenter(3, models=(A, F), n_hypotheses=7, selection="ncre"),
     PerSequence(MotionSegmenter(2), n_jobs=2),
 ]

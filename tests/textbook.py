@@ -1,8 +1,9 @@
 """The method once more, as the paper writes it: loops, and nothing clever.
 
 The tests hold the package against this. Everything here is written from the equations
-of Xu, Cheong and Li (2021) and of Hartley and Zisserman (2004), for one track, one
-hypothesis or one pair of tracks at a time, and calls nothing of the package.
+of Xu, Cheong and Li (2021), of Hartley and Zisserman (2004) and of those named below,
+for one track, one hypothesis or one pair of tracks at a time, and calls nothing of the
+package.
 """
 
 from __future__ import annotations
@@ -305,3 +306,42 @@ def ncre_costs(kernels, labels, delta):
     cut = sum(normalized_cut(K, labels) for K in kernels)
     error = sum(reconstruction_error(K, labels) for K in kernels)
     return cut, error, cut + delta * error
+
+
+# ------------------------------------------------------ other choices of the number
+
+
+def eigengaps(kernels, counts):
+    """``lambda_{k+1} - lambda_k`` of the mean Laplacian (von Luxburg 2007, 8.3)."""
+    mean = sum(laplacian(K) for K in kernels) / len(kernels)
+    values = sorted(np.linalg.eigvalsh(mean).tolist())
+    return [values[k] - values[k - 1] for k in counts]
+
+
+def alignment_cost(Z):
+    """``sum_ij Z_ij^2 / M_i^2`` (Zelnik-Manor and Perona 2004, sec. 3)."""
+    cost = 0.0
+    for row in Z:
+        greatest = max(abs(z) for z in row)
+        for z in row:
+            cost += z**2 / greatest**2
+    return cost
+
+
+def givens(n, i, j, angle):
+    """Turns the plane of the axes i and j."""
+    G = np.eye(n)
+    G[i, i] = G[j, j] = math.cos(angle)
+    G[i, j], G[j, i] = math.sin(angle), -math.sin(angle)
+    return G
+
+
+def least_alignment_cost(X, n_angles):
+    """The least cost of all products of Givens rotations at angles of a grid."""
+    n = len(X[0])
+    angles = [math.pi * step / n_angles for step in range(n_angles)]
+    rotated = [X]
+    for i in range(n - 1):
+        for j in range(i + 1, n):
+            rotated = [Z @ givens(n, i, j, angle) for Z in rotated for angle in angles]
+    return min(alignment_cost(Z.tolist()) for Z in rotated)
