@@ -1,8 +1,8 @@
 """How many groups a graph has, by its eigenvalues or by its eigenvectors.
 
-Without an affinity between groups, the Laplacian has the eigenvalue 0 once for each of
-them, and the eigenvectors can be rotated so that each lives on one group. Here is by
-how much a graph falls short of either, for each number of groups.
+In a graph of connected groups without an affinity between them, the Laplacian has the
+eigenvalue 0 once for each, and its eigenvectors can be rotated so that each lives on
+one group. Here is by how much a graph falls short of either, for each number of groups.
 """
 
 from __future__ import annotations
