@@ -304,8 +304,8 @@ class EigengapModelSelector(CountSelector):
     >>> selector = EigengapModelSelector(max_clusters=5, random_state=0).fit(block)
     >>> selector.n_clusters_
     3
-    >>> selector.costs_[:, 2].round(2)  # the gaps, below zero
-    array([-0.23, -0.  , -0.77, -0.  , -0.  ])
+    >>> selector.costs_[2].round(2)  # the third eigenvalue, the fourth, the gap
+    array([ 0.23,  1.  , -0.77])
     """
 
     _n_more_eigenvectors = 1
