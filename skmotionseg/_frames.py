@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 import warnings
 from pathlib import Path
 
@@ -13,6 +14,12 @@ from ._extras import require
 
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
+# Of a frame: twice those of 8K. A few bytes may claim more, and OpenCV believe them.
+MOST_PIXELS = 2**26
+PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
+# Marker segments of JPEG that start a frame, and those that nothing follows.
+JPEG_FRAMES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
+JPEG_BARE = {0x01, *range(0xD0, 0xD9)}
 
 
 class Frames:
@@ -129,7 +136,11 @@ def _open_video(path):
     capture = _capture(path)
     fps = capture.get(cv2.CAP_PROP_FPS)
     count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    size = [
+        capture.get(p) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    ]
     capture.release()
+    _check_size(path, *map(int, size))
     n_announced = int(count) if math.isfinite(count) and count > 0 else None
     return Frames(
         str(path),
@@ -137,6 +148,15 @@ def _open_video(path):
         fps=fps if math.isfinite(fps) and fps > 0 else None,
         n_announced=n_announced,
     )
+
+
+def _check_size(path, width, height):
+    """Refuse frames that are larger than any camera's, before they are read."""
+    if not 0 < width * height <= MOST_PIXELS:
+        raise ValueError(
+            f"{path} claims frames of {width} x {height} pixels; expected "
+            f"{MOST_PIXELS} at most"
+        )
 
 
 def _capture(path):
@@ -200,7 +220,37 @@ def _read_picture(path):
     cv2 = require("cv2", extra="video")
     # Not cv2.imread, which knows no names beyond ASCII on some systems.
     content = np.fromfile(path, dtype=np.uint8)
-    frame = cv2.imdecode(content, cv2.IMREAD_COLOR) if len(content) else None
+    size = _picture_size(content.tobytes())
+    if size is not None:
+        _check_size(path, *size)
+    try:
+        frame = None if size is None else cv2.imdecode(content, cv2.IMREAD_COLOR)
+    except cv2.error:  # of what its own reader does not bear
+        frame = None
     if frame is None:
-        raise ValueError(f"{path} is not a picture that can be read")
+        raise ValueError(
+            f"{path} is not a picture that can be read: expected a whole .png or .jpg"
+        )
     return frame
+
+
+def _picture_size(content):
+    """Width and height that a PNG or JPEG claims; None if it is neither."""
+    if content.startswith(PNG) and len(content) >= 24:
+        return struct.unpack_from(">II", content, 16)
+    if not content.startswith(JPEG):
+        return None
+    at = len(JPEG)
+    while at + 9 <= len(content):
+        if content[at] != 0xFF:
+            return None
+        marker = content[at + 1]
+        if marker in JPEG_FRAMES:
+            return struct.unpack_from(">HH", content, at + 5)[::-1]
+        if marker == 0xFF:  # padding
+            at += 1
+        elif marker in JPEG_BARE:
+            at += 2
+        else:
+            at += 2 + struct.unpack_from(">H", content, at + 2)[0]
+    return None

@@ -358,7 +358,8 @@ def test_bad_tracks(name, fbms):
 
 
 def test_a_table_too_large_is_not_made(tmp_path, monkeypatch):
-    monkeypatch.setattr("skmotionseg.datasets._moseg.MAX_ENTRIES", 35)
+    monkeypatch.setattr("skmotionseg.datasets._sizes.FREE_BYTES", 35 * 16)
+    monkeypatch.setattr("skmotionseg.datasets._sizes.MOST_TIMES", 0)
     path = tmp_path / "Tracks4.dat"
     path.write_text(track_text(4, TRACKS))
     with pytest.raises(ValueError, match="9 tracks in 4 frames are more than 35"):

@@ -6,15 +6,23 @@ import csv
 import os
 from functools import partial
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
-import scipy.io
 from sklearn.utils import Bunch
 
 from .._core.tracks import pack_tracks, unpack_tracks
-from ._moseg import MAX_ENTRIES, read_moseg_tracks
+from ._mat5 import read_mat5
+from ._moseg import read_moseg_tracks
+from ._sizes import check_table, whole_numbers
 from ._trackers import read_npz
 
+KINDS = {
+    ".npz": "an archive of numpy.savez",
+    ".mat": "a MATLAB file of version 5 or 7",
+    ".csv": "numbers with commas between them",
+    ".dat": "the text that MoSeg writes",
+}
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
 
@@ -100,8 +108,19 @@ def load_tracks(
         fields = read(path)
         _check_fields(fields)
     except Exception as error:  # whatever a reader meets in a broken file
-        raise ValueError(f"{path} is not a track file: {error}") from error
+        raise ValueError(
+            f"{path} is not a track file: {_in_words(error)} (expected "
+            f"{KINDS[path.suffix.lower()]})"
+        ) from error
     return Bunch(**{"target": None, "name": path.stem, **fields})
+
+
+def _in_words(error):
+    """What an error says, in one line; some say nothing but their name."""
+    words = shorten(str(error), width=300, placeholder=" ...")
+    if isinstance(error, MemoryError):
+        words = f"there is not enough memory for it {words}".rstrip()
+    return words or type(error).__name__
 
 
 def _reader(path, layout, image_size, visible_above):
@@ -146,7 +165,7 @@ def _check_fields(fields):
 
 
 def _read_mat(path):
-    content = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    content, found = read_mat5(path, ("Data", "y", "s"))
     if "Data" in content:
         return _read_struct(content["Data"])
     if "y" in content and "s" in content:
@@ -154,7 +173,6 @@ def _read_mat(path):
             "data": _pack_homogeneous(content["y"], None, "y"),
             "target": _labels_from_one(content["s"]),
         }
-    found = sorted(name for name in content if not name.startswith("__"))
     raise ValueError(f"expected a struct 'Data' or the arrays 'y' and 's'; got {found}")
 
 
@@ -175,7 +193,7 @@ def _read_struct(data):
             if name not in names:
                 raise ValueError(f"struct 'Data' has 'yAll' but no {name!r}")
         fields["dense_data"] = _pack_homogeneous(data.yAll, data.visibleAll, "yAll")
-        fields["dense_index"] = np.asarray(data.SparseIndex, dtype=int) - 1
+        fields["dense_index"] = whole_numbers(data.SparseIndex, "'SparseIndex'") - 1
     return fields
 
 
@@ -190,7 +208,7 @@ def _pack_homogeneous(points, visibility, name):
 
 
 def _labels_from_one(labels):
-    return np.atleast_1d(np.asarray(labels, dtype=int)) - 1
+    return np.atleast_1d(whole_numbers(labels, "labels")) - 1
 
 
 def _read_csv(path):
@@ -204,11 +222,11 @@ def _read_csv(path):
     if len(widths) > 1:
         raise ValueError(f"rows differ in length: {sorted(widths)}")
     if observations:
-        return _read_observations(header, rows[1:])
+        return _read_observations(header, rows[1:], path.stat().st_size)
     return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
 
 
-def _read_observations(header, rows):
+def _read_observations(header, rows, file_size):
     """Tracks from one row an observation."""
     if not rows:
         raise ValueError("there are no observations under its header")
@@ -217,32 +235,24 @@ def _read_observations(header, rows):
         for i, name in enumerate(header)
         if name in ("track", "frame", "x", "y", "label")
     }
+    if not np.isfinite(columns["track"]).all():
+        raise ValueError("the column 'track' must be a number in each row")
     tracks, row = np.unique(columns["track"], return_inverse=True)
-    frame = _whole(columns["frame"], "frame")
+    frame = whole_numbers(columns["frame"], "the column 'frame'")
     frame -= frame.min()
     if len(set(zip(row, frame, strict=True))) < len(row):
         raise ValueError("a track is seen twice in the same frame")
     n_frames = int(frame.max()) + 1
-    if len(tracks) * n_frames > MAX_ENTRIES:
-        raise ValueError(
-            f"{len(tracks)} tracks in {n_frames} frames are more than {MAX_ENTRIES} "
-            "entries"
-        )
+    check_table(len(tracks), n_frames, file_size)
     points = np.full((len(tracks), n_frames, 2), np.nan)
     points[row, frame, 0], points[row, frame, 1] = columns["x"], columns["y"]
     labels = None
     if "label" in columns:
         labels = np.empty(len(tracks), dtype=int)
-        labels[row] = _whole(np.nan_to_num(columns["label"], nan=-1), "label")
+        named = np.nan_to_num(columns["label"], nan=-1)
+        labels[row] = whole_numbers(named, "the column 'label'")
     fields = {"data": pack_tracks(points), "target": labels, "track_ids": tracks}
     return fields
-
-
-def _whole(numbers, name):
-    """Numbers as integers, if that is what they are."""
-    if not np.array_equal(numbers, np.round(numbers)):
-        raise ValueError(f"the column {name!r} must hold whole numbers")
-    return numbers.astype(int)
 
 
 def _number(cell):

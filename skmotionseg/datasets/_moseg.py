@@ -11,9 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Entries of a table of tracks by frames (16 bytes each) that no file here has reason
-# to exceed: the longest sequence has 800 frames.
-MAX_ENTRIES = 10**8
+from ._sizes import check_table
 
 
 def read_moseg_tracks(path, n_frames=None):
@@ -57,10 +55,7 @@ def read_moseg_tracks(path, n_frames=None):
         raise ValueError(f"line 1: {length} frames, but only {len(places)} points")
     frame = _frames(text, numbers, places + 2, track, length)
     length = length if n_frames is None else min(length, n_frames)
-    if n_tracks * length > MAX_ENTRIES:
-        raise ValueError(
-            f"{n_tracks} tracks in {length} frames are more than {MAX_ENTRIES} entries"
-        )
+    check_table(n_tracks, length, len(text))
     points = np.full((n_tracks, length, 2), np.nan)
     inside = frame < length
     points[track[inside], frame[inside]] = numbers[places[inside, None] + np.arange(2)]

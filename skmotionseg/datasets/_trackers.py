@@ -6,6 +6,8 @@ import numpy as np
 from scipy.special import expit
 
 from .._core.tracks import pack_tracks
+from ._npz import NpzArrays
+from ._sizes import whole_numbers
 
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
@@ -32,9 +34,9 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
     ValueError
         If the names are of no layout known, or what they hold does not fit.
     """
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+    with NpzArrays(path) as arrays:
         if "X" in arrays and "points" not in arrays:
-            data = np.asarray(arrays["X"], dtype=float)
+            data = _as_tracks(arrays["X"])
         else:
             name = _points_name(arrays)
             layout = layout or _implied_layout(name, arrays)
@@ -46,8 +48,16 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
             image_size = _tap_vid_size(data, arrays)
         if image_size is not None:
             data = _in_pixels(data, image_size)
-        labels = arrays["labels"].astype(int) if "labels" in arrays else None
+        labels = None
+        if "labels" in arrays:
+            labels = whole_numbers(arrays["labels"], "labels")
     return {"data": data, "target": labels}
+
+
+def _as_tracks(array):
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"'X' must be real numbers; got dtype {array.dtype}")
+    return array.astype(float, copy=False)
 
 
 def _points_name(arrays):
@@ -104,23 +114,12 @@ def _tap_vid_size(data, arrays):
             "all points lie in [0, 1], as shares of the image's size, and there is no "
             "'video': say image_size=(width, height)"
         )
-    shape = _shape(arrays, "video")
+    shape = arrays.shape("video")
     if len(shape) != 4:
         raise ValueError(
             f"'video' must have shape (n_frames, height, width, 3); got {shape}"
         )
     return shape[2], shape[1]
-
-
-def _shape(arrays, name):
-    """An array's shape, without reading the array: a video may be large."""
-    with arrays.zip.open(f"{name}.npy") as file:
-        version = np.lib.format.read_magic(file)
-        read_header = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }[version]
-        return read_header(file)[0]
 
 
 def _largest(data):
