@@ -6,6 +6,8 @@ import json
 import re
 from pathlib import Path
 
+from skmotionseg._writing import replacing
+
 from .measuring import machine
 
 MARKED = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
@@ -92,7 +94,8 @@ def save(path, section, rows):
     kept = {row["row"]: row for row in record.get(section, ())}
     kept |= {row["row"]: {**row, "machine": machine()} for row in rows}
     record[section] = list(kept.values())
-    path.write_text(json.dumps(record, indent=1) + "\n")
+    with replacing(path) as file:  # hours of measuring may be in it
+        file.write((json.dumps(record, indent=1) + "\n").encode())
 
 
 def figures(rows, columns):
@@ -129,4 +132,6 @@ def write_page(page, record, sections):
             )
         return f"{begin}{sections[section](record)}\n{end}"
 
-    page.write_text(MARKED.sub(rewrite, page.read_text()))
+    text = MARKED.sub(rewrite, page.read_text())
+    with replacing(page) as file:
+        file.write(text.encode())

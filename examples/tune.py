@@ -13,8 +13,9 @@ test sequences and is scored by its F-measure::
     python examples/tune.py --out tuning
     python examples/tune.py --out tuning --data DIR --cache CACHE    # some minutes
 
-A second run with the same ``--cache``, perhaps with other values, reads the affinities
-back.
+With ``--cache``, a run that was interrupted goes on when it is started again: labels of
+each sequence and setting are kept there, and affinities, which a run with other values
+reads back, too.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--data", type=Path, metavar="DIR")
     parser.add_argument("--out", type=Path, default=Path("tuning"), metavar="DIR")
-    parser.add_argument("--cache", type=Path, metavar="DIR", help="keep affinities")
+    parser.add_argument("--cache", type=Path, metavar="DIR", help="to go on from")
     parser.add_argument("--jobs", type=int, help="settings and folds at a time")
     parser.add_argument("--quick", action="store_true", help="fewer of everything")
     arguments = parser.parse_args(argv)
@@ -143,7 +144,7 @@ def make_search(memory, scoring, n_train, arguments):
     # Nothing is learnt from one sequence for another, so few folds will do: each has
     # its sequences segmented with each setting, once.
     search = GridSearchCV(
-        PerSequence(segmenter),
+        PerSequence(segmenter, memory=memory),
         QUICK_GRID if arguments.quick else GRID,
         cv=KFold(min(4, n_train)),
         scoring=scoring,

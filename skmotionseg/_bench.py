@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import tempfile
 from collections import defaultdict
+from contextlib import closing
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 from joblib import Memory, Parallel, delayed
 
+from . import __version__
 from ._bench_regions import REGION_LOADERS, has_regions, measure_regions
+from ._journal import run_key
 from ._tasks import Task
 from .datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from .metrics import misclassification_error
@@ -73,7 +78,7 @@ def find_sequences(folder, datasets):
     ]
 
 
-def run(sequences, methods, seeds, n_jobs):
+def run(sequences, methods, seeds, n_jobs, journal=None):
     """Yield the records of one sequence and seed after another, as they finish.
 
     Parameters
@@ -82,43 +87,107 @@ def run(sequences, methods, seeds, n_jobs):
     methods : sequence of str
     seeds : int
     n_jobs : int or None
+    journal : Journal, optional
+        Runs that are in it are not done again; others are added as each ends.
 
     Yields
     ------
     list of dict
         A record a method.
     """
-    tasks = (
-        Task(
-            f"segmenting {sequence.name}",
-            bench_sequence,
-            dataset,
-            sequence,
-            methods,
-            seed,
+    known = {} if journal is None else journal.read()
+    waiting = []
+    for seed in range(seeds):
+        for dataset, sequence in sequences:
+            runs = [describe_run(dataset, sequence, m, seed) for m in methods]
+            done = [known[run_key(r)] for r in runs if run_key(r) in known]
+            runs = [r for r in runs if run_key(r) not in known]
+            if runs:
+                waiting.append((sequence, runs, done))
+            else:
+                yield done
+    # Workers that are stopped remove nothing: what they cache lies in a folder of ours.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        tasks = (
+            Task(f"segmenting {one[0].name}", bench_sequence, *one, folder, journal)
+            for one in waiting
         )
-        for seed in range(seeds)
-        for dataset, sequence in sequences
-    )
-    yield from Parallel(n_jobs=n_jobs, return_as="generator_unordered")(
-        delayed(task)() for task in tasks
-    )
+        parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered")
+        with closing(parallel(delayed(task)() for task in tasks)) as batches:
+            yield from batches
 
 
-def bench_sequence(dataset, sequence, methods, seed):
-    """Records of all methods on one sequence; they share hypotheses and kernels."""
-    with tempfile.TemporaryDirectory() as folder:
-        memory = Memory(folder, verbose=0)
-        return [
-            {
-                "dataset": dataset,
-                "method": method,
-                "sequence": sequence.name,
-                "seed": seed,
-                **_measure(sequence, {**METHODS[method], "memory": memory}, seed),
+def describe_run(dataset, sequence, method, seed):
+    """What the result of a run depends on, as JSON can hold it."""
+    params = MotionSegmenter(**METHODS[method]).get_params()
+    return {
+        "dataset": dataset,
+        "sequence": sequence.name,
+        "method": method,
+        "seed": seed,
+        "params": {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in params.items()
+            if name not in ("memory", "n_jobs", "random_state")
+        },
+        "tracks": digest_of(sequence),
+        "version": __version__,
+        "code": _digest_of_code(),
+    }
+
+
+def digest_of(sequence):
+    """A name for the arrays of a sequence, which tells whether they have changed."""
+    digest = hashlib.blake2b(digest_size=16)
+    for name, value in sorted(sequence.items()):
+        if isinstance(value, np.ndarray):
+            digest.update(f"{name} {value.dtype.str} {value.shape} ".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+    return digest.hexdigest()
+
+
+@cache
+def _digest_of_code():
+    """A name for this package as it is, which a version is not while it is written."""
+    digest = hashlib.blake2b(digest_size=16)
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def bench_sequence(sequence, runs, done, folder, journal=None):
+    """Records of runs on one sequence, which share hypotheses and kernels.
+
+    Parameters
+    ----------
+    sequence : Bunch
+    runs : list of dict
+        As of :func:`describe_run`; all of one dataset and seed.
+    done : list of dict
+        Records that there are; the others follow them.
+    folder : path-like
+        Where to cache.
+    journal : Journal, optional
+        Each record is added to it at once.
+
+    Returns
+    -------
+    list of dict
+    """
+    records = list(done)
+    with tempfile.TemporaryDirectory(dir=folder) as cache_folder:
+        memory = Memory(cache_folder, verbose=0)
+        for run in runs:
+            params = {**METHODS[run["method"]], "memory": memory}
+            names = ("dataset", "method", "sequence", "seed")
+            record = {
+                **{name: run[name] for name in names},
+                **_measure(sequence, params, run["seed"]),
             }
-            for method in methods
-        ]
+            if journal is not None:
+                journal.append(run, record)
+            records.append(record)
+    return records
 
 
 def _measure(sequence, params, seed):

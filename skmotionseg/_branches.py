@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import time
 import zlib
 
 import numpy as np
-from sklearn.utils.validation import check_memory
 
 from ._core.motion_models import added_motion_models
 from ._core.selection import nearest_labels
@@ -15,7 +13,7 @@ from ._core.tracks import unpack_tracks
 from ._parallel import run_tasks
 from ._scale import batches
 from ._tasks import Task
-from ._validation import get_motion_model
+from ._validation import as_memory, get_motion_model
 from .kernels import ORKKernel
 from .sampling import HypothesisSampler
 
@@ -91,9 +89,7 @@ def fit_branches(branches, tracks, n_jobs, memory=None):
     seconds : ndarray of shape (2,)
         For hypotheses and kernels, summed over the models.
     """
-    if isinstance(memory, os.PathLike):
-        memory = os.fspath(memory)
-    fit = check_memory(memory).cache(_fit_branch)
+    fit = as_memory(memory).cache(_fit_branch)
     results = run_tasks(
         (
             Task(f"fitting the {model} model", fit, *branch, tracks)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from ._extras import require
+from ._writing import replacing_path
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
@@ -22,6 +23,13 @@ def count(text):
 def pyplot():
     require("matplotlib", extra="cli").use("Agg")
     return require("matplotlib.pyplot", extra="cli")
+
+
+def save_figure(figure, path):
+    """Write a figure, and close it."""
+    with replacing_path(path) as part:
+        figure.savefig(part, dpi=130, bbox_inches="tight")
+    pyplot().close(figure)
 
 
 def facts_table(title, facts):

@@ -15,6 +15,7 @@ from ._console import (
     facts_table,
     pyplot,
     reporting,
+    save_figure,
     stage_facts,
     track_facts,
 )
@@ -22,7 +23,7 @@ from ._core.tracks import unpack_tracks
 from ._extras import require
 from ._frames import is_video
 from ._palette import motion_colour
-from ._writing import check_output, replacing
+from ._writing import check_folder_of, check_output, replacing
 
 LABEL_ENDINGS = (".npz", ".csv")
 
@@ -74,7 +75,7 @@ def _segment(arguments):
 
     video = is_video(arguments.file)
     check_output(arguments.out, LABEL_ENDINGS)
-    check_output(arguments.split_dir)
+    check_folder_of(arguments.split_dir)
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
     console = require("rich.console", extra="cli").Console()
     read = _track_video if video else _load_tracks
@@ -230,8 +231,7 @@ def _draw_tracks(arguments, sequence, labels, console):
     plt = pyplot()
     figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
     plot_motions(sequence.data, labels, ax=ax)
-    figure.savefig(arguments.render, dpi=130, bbox_inches="tight")
-    plt.close(figure)
+    save_figure(figure, arguments.render)
 
 
 def _render_video(arguments, sequence, labels, console):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 from joblib import wrap_non_picklable_objects
-from sklearn.utils.validation import check_non_negative, validate_data
+from sklearn.utils.validation import check_memory, check_non_negative, validate_data
 
 from ._core.motion_models import (
     MOTION_MODELS,
@@ -72,6 +74,12 @@ class TracksInput:
         tags = super().__sklearn_tags__()
         tags.input_tags.allow_nan = True
         return tags
+
+
+def as_memory(memory):
+    """A joblib.Memory, of one, a path or None, which remembers nothing."""
+    is_path = isinstance(memory, os.PathLike)
+    return check_memory(os.fspath(memory) if is_path else memory)
 
 
 def get_motion_model(name):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import secrets
+import shutil
 from contextlib import contextmanager
+from pathlib import Path
 
 
 def check_output(path, endings=None):
@@ -18,7 +21,7 @@ def check_output(path, endings=None):
     Raises
     ------
     ValueError
-        If it has another ending.
+        If it has another ending, or something is there that is no file.
     FileNotFoundError
         If its folder does not exist.
     """
@@ -26,7 +29,14 @@ def check_output(path, endings=None):
         return
     if endings is not None and path.suffix.lower() not in endings:
         raise ValueError(f"output files end in {' or '.join(endings)}; got {path.name}")
-    if not path.absolute().parent.is_dir():
+    check_folder_of(path)
+    if path.exists() and not path.is_file():
+        raise ValueError(f"{path} is not a file that could be written over")
+
+
+def check_folder_of(path):
+    """Refuse a path whose folder does not exist; None will do."""
+    if path is not None and not path.absolute().parent.is_dir():
         raise FileNotFoundError(f"there is no folder to write {path} to")
 
 
@@ -42,15 +52,40 @@ def replacing_path(path):
     """As :func:`replacing`, for writers that open a file themselves.
 
     The path has the target's ending, which tells such writers the format. If writing
-    fails, it is removed and the target stays what it was.
+    fails, it is removed and the target stays what it was. If the process is killed or
+    the machine fails, the target is what it was or what it was to be.
 
     Parameters
     ----------
     path : Path
+        A link stays one: the file that it leads to is replaced.
     """
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    target = Path(os.path.realpath(path))
+    # A name that no other writer, of this target or another, has or will have.
+    part = target.with_name(f".skmotionseg-{secrets.token_hex(8)}{target.suffix}")
     try:
         yield part
-        os.replace(part, path)
+        if target.exists():
+            shutil.copymode(target, part)
+        _store(part)
+        os.replace(part, target)
     finally:
         part.unlink(missing_ok=True)
+    _store_names(target.parent)
+
+
+def _store(path):
+    """Wait until a file's content is on the disk: its name must not come first."""
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _store_names(folder):
+    """Wait until the names in a folder are on the disk, where systems can tell."""
+    if os.name != "posix":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

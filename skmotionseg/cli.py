@@ -7,6 +7,7 @@ import json
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from ._console import (
     count,
     facts_table,
     pyplot,
+    save_figure,
     stage_facts,
     track_facts,
     with_progress,
@@ -37,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0, or 2 if the input or the installation is at fault.
+        0, or 2 if the input or the installation is at fault, or 130 after Ctrl-C.
 
     Examples
     --------
@@ -53,6 +55,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (ImportError, OSError, ValueError, TypeError) as error:
         print(f"skmotionseg: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt:
+        print("skmotionseg: interrupted", file=sys.stderr)
+        return 130  # as shells have it
 
 
 def _print_warning(message, *where, **file):
@@ -126,8 +131,7 @@ def _draw_comparison(plt, X, true, found, path):
     plot_motions(X, true, ax=axes[0], title="true motions")
     plot_motions(X, found, ax=axes[1], title="found motions")
     axes[1].set_ylabel("")
-    figure.savefig(path, dpi=130, bbox_inches="tight")
-    plt.close(figure)
+    save_figure(figure, path)
 
 
 # ------------------------------------------------------------------------- bench
@@ -140,7 +144,9 @@ def _add_bench(commands):
         "bench",
         help="measure errors and times on real sequences",
         description="Run methods on every sequence under DIR/<dataset>/ and print "
-        "tables laid out as the paper's, with its figures beside ours.",
+        "tables laid out as the paper's, with its figures beside ours. With --resume "
+        "FILE, what was interrupted goes on: the same command again does what is not "
+        "in the file yet.",
     )
     bench.add_argument("--data", type=Path, required=True, metavar="DIR")
     bench.add_argument(
@@ -157,6 +163,14 @@ def _add_bench(commands):
     )
     bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
     bench.add_argument("--json", type=Path, metavar="FILE", help="every record")
+    bench.add_argument(
+        "--resume",
+        type=Path,
+        metavar="FILE",
+        help="journal, made if there is none: each run is added as it ends, and those "
+        "in it, of the same tracks, method, parameters, seed and code of this package, "
+        "are not done again",
+    )
     bench.add_argument("--jobs", type=int, default=-1, help="sequences at a time (all)")
     bench.set_defaults(run=_run_bench)
 
@@ -164,21 +178,27 @@ def _add_bench(commands):
 def _run_bench(arguments):
     from ._bench import find_sequences, run, summarize
     from ._bench_regions import summarize_regions
+    from ._journal import Journal
 
     console = require("rich.console", extra="cli").Console()
     check_output(arguments.json)
+    check_output(arguments.resume)
+    journal = None if arguments.resume is None else Journal(arguments.resume)
     sequences = find_sequences(arguments.data, arguments.datasets)
-    batches = run(sequences, arguments.methods, arguments.seeds, arguments.jobs)
-    batches = with_progress(
-        batches,
-        len(sequences) * arguments.seeds,
-        f"{len(sequences)} sequences, {arguments.seeds} seeds",
-        console,
+    batches = run(
+        sequences, arguments.methods, arguments.seeds, arguments.jobs, journal
     )
-    records = sorted(
-        (record for batch in batches for record in batch),
-        key=lambda r: (r["dataset"], r["method"], r["sequence"], r["seed"]),
-    )
+    with closing(batches):  # and whoever works on them
+        batches = with_progress(
+            batches,
+            len(sequences) * arguments.seeds,
+            f"{len(sequences)} sequences, {arguments.seeds} seeds",
+            console,
+        )
+        records = sorted(
+            (record for batch in batches for record in batch),
+            key=lambda r: (r["dataset"], r["method"], r["sequence"], r["seed"]),
+        )
     if arguments.json is not None:
         with replacing(arguments.json) as file:
             file.write(json.dumps(records, indent=1).encode())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -77,7 +78,8 @@ def save_motions(
     Parameters
     ----------
     folder : str or path-like
-        Made if it is not there. Files of the same names are replaced, each at once.
+        Made if it is not there. Files of the same names are replaced, each at once,
+        when all are written.
     X : array-like of shape (n_tracks, 2 * n_frames)
         Tracks in pixels; NaN where unseen.
     labels : array-like of int, shape (n_tracks,)
@@ -124,10 +126,13 @@ def save_motions(
     if (labels < 0).any():
         groups["no_motion.npz"] = labels < 0
     _make_folder(folder, groups)
-    for name, rows in groups.items():
-        with replacing(folder / name) as file:
+    with ExitStack() as files:  # all are written before the first is put in its place
+        for name, rows in groups.items():
             np.savez_compressed(
-                file, X=X[rows], labels=labels[rows], track_ids=track_ids[rows]
+                files.enter_context(replacing(folder / name)),
+                X=X[rows],
+                labels=labels[rows],
+                track_ids=track_ids[rows],
             )
     return [folder / name for name in groups]
 

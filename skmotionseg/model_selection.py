@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
+from joblib import Memory
 from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
@@ -25,7 +27,7 @@ from ._core.spectral import ViewGraph
 from ._parallel import run_tasks, thread_map
 from ._tasks import Task
 from ._threads import single_threaded
-from ._validation import check_n_groups, read_affinities
+from ._validation import as_memory, check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
 from .metrics import misclassification_error
 
@@ -456,6 +458,10 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
     n_jobs : int or None, default=None
         Sequences at a time, as in joblib, whose ``parallel_config`` says where: on a
         dask cluster, say.
+    memory : str, joblib.Memory or None, default=None
+        Keeps the labels of each sequence and setting, so that a search that was
+        interrupted goes on, when it is run again, with the first that is not there.
+        Needs an integer ``random_state`` in the estimator.
 
     Attributes
     ----------
@@ -483,11 +489,18 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
     _parameter_constraints: dict = {
         "estimator": [HasMethods(["fit_predict", "get_params", "set_params"])],
         "n_jobs": [Integral, None],
+        "memory": [str, os.PathLike, Memory, None],
     }
 
-    def __init__(self, estimator: BaseEstimator, n_jobs: int | None = None) -> None:
+    def __init__(
+        self,
+        estimator: BaseEstimator,
+        n_jobs: int | None = None,
+        memory: str | os.PathLike[str] | Memory | None = None,
+    ) -> None:
         self.estimator = estimator
         self.n_jobs = n_jobs
+        self.memory = memory
 
     @_fit_context(prefer_skip_nested_validation=False)
     def fit(
@@ -571,9 +584,10 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
             a note that says which sequence it was (0 is the first).
         """
         check_is_fitted(self)
+        memory = as_memory(self.memory)
         return run_tasks(
             (
-                Task(f"segmenting sequence {i}", _segment, self.estimator, x)
+                Task(f"segmenting sequence {i}", _recall, memory, self.estimator, x)
                 for i, x in enumerate(self._read_sequences(X, reset=False))
             ),
             n_jobs=self.n_jobs,
@@ -598,7 +612,16 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         return 1 - float(np.mean(list(errors)))
 
 
-def _segment(estimator, X):
+def _recall(memory, estimator, X):
+    """Labels from memory, or else put there."""
+    from . import __version__  # which is not there yet when this module is
+
+    # Where joblib maps arrays into memory for its workers, they are hashed as others.
+    return memory.cache(_segment)(estimator, np.asarray(X), __version__)
+
+
+def _segment(estimator, X, version):
+    """Labels; the version says of what code they are, where they are kept."""
     return clone(estimator).fit_predict(X)
 
 
