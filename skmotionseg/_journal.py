@@ -31,7 +31,7 @@ class Journal:
         self.path = Path(path).absolute()  # workers may be elsewhere
         if self.path.exists():
             with self.path.open("rb") as file:
-                start = file.read(len(START))
+                start = file.read(len(START)).split(b"\n")[0]  # perhaps cut short
             if not START.startswith(start):
                 raise ValueError(
                     f"{path} is not a journal: expected lines that start with "
