@@ -1,0 +1,102 @@
+"""Digests of what is computed under many settings; ``python determinism.py FOLDER``.
+
+Prints JSON: by setting, a digest. In FOLDER, pickled estimators are written, or read
+and judged if they are there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+import sys
+from pathlib import Path
+
+import numpy as np
+from joblib import parallel_config
+
+from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
+from skmotionseg.datasets import make_rigid_motions
+
+ENGINES = ("threading", "loky", "multiprocessing")
+SMALL = {"n_hypotheses": 60, "random_state": 3}
+RULES = {
+    "description_length": {"max_motions": 4},
+    "ncre": {"selection": "ncre", "fusion": "coreg", "max_motions": 4},
+}
+
+
+def digest(*arrays):
+    """A name for arrays that differs if a bit of them does."""
+    known = hashlib.sha256()
+    for array in map(np.asarray, arrays):
+        known.update(f"{array.dtype.str} {array.shape} ".encode())
+        known.update(np.ascontiguousarray(array).tobytes())
+    return known.hexdigest()[:16]
+
+
+def judge(segmenter, X):
+    return {
+        "labels": digest(segmenter.labels_, segmenter.candidate_labels_),
+        "costs": digest(segmenter.counts_, segmenter.costs_),
+        "landmarks": digest(segmenter.landmarks_),
+        "predicted": digest(segmenter.predict(X[::3])),
+        "affinities": digest(
+            *(
+                kernel.transform(sampler.transform(X[:40]))
+                for sampler, kernel in segmenter.branches_.values()
+            )
+        ),
+    }
+
+
+def judge_pipeline(X, n_jobs):
+    pipeline = make_motion_pipeline(n_clusters=3, **SMALL)
+    pipeline.set_params(affinity__n_jobs=n_jobs)
+    return {
+        "affinities": digest(pipeline[0].fit_transform(X)),
+        "labels": digest(pipeline.fit(X)[-1].labels_),
+    }
+
+
+def settings():
+    """Names and parameters that must not matter."""
+    for n_jobs, batch_size in ((1, "auto"), (2, 7), (-1, 64), (1, 40)):
+        params = {"n_jobs": n_jobs, "batch_size": batch_size}
+        yield f"n_jobs={n_jobs}, batch_size={batch_size}", params
+
+
+def main(folder):
+    X, _ = make_rigid_motions(150, 7, outliers=0.05, random_state=0)
+    found = {}
+    for rule, params in RULES.items():
+        for landmarks in (None, 60):
+            common = {**SMALL, **params, "n_landmarks": landmarks}
+            group = f"{rule}, n_landmarks={landmarks}"
+            found[group] = {
+                name: judge(MotionSegmenter(**common, **given).fit(X), X)
+                for name, given in settings()
+            }
+            path = folder / f"{rule}-{landmarks}.pkl"
+            if path.exists():
+                found[group]["pickled"] = judge(pickle.loads(path.read_bytes()), X)
+            else:
+                fitted = MotionSegmenter(**common).fit(X)
+                path.write_bytes(pickle.dumps(fitted))
+                found[group]["copied"] = judge(pickle.loads(pickle.dumps(fitted)), X)
+            for engine in ENGINES if landmarks else ():
+                with parallel_config(backend=engine, n_jobs=2):
+                    fitted = MotionSegmenter(**common, batch_size=50).fit(X)
+                    found[group][engine] = judge(fitted, X)
+    found["pipeline"] = {str(n): judge_pipeline(X, n) for n in (1, 2, -1)}
+    sequences = PerSequence(MotionSegmenter(**SMALL, max_motions=3))
+    found["sequences"] = {}
+    for engine in ENGINES:
+        with parallel_config(backend=engine, n_jobs=2):
+            labels = sequences.fit([X[:60], X[60:]]).predict([X[:60], X[60:]])
+        found["sequences"][engine] = {"labels": digest(*labels)}
+    print(json.dumps(found))
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,38 @@
+"""Memory after many fits; ``python memory_of_fits.py COUNT`` prints MiB: start, end."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from skmotionseg import MotionSegmenter
+from skmotionseg.datasets import make_rigid_motions
+
+WARM_UP = 15  # pools and caches of the libraries fill once
+
+
+def resident():
+    """Memory that this process holds, bytes."""
+    pages = Path("/proc/self/statm").read_text().split()[1]
+    return int(pages) * os.sysconf("SC_PAGE_SIZE")
+
+
+def fit(seed):
+    n_tracks = 100 + seed % 7  # sizes that nothing can keep an array for
+    X, _ = make_rigid_motions(n_tracks, 6, 2, random_state=seed)
+    params = {"n_hypotheses": 60, "n_landmarks": 80, "max_motions": 3}
+    MotionSegmenter(**params, n_jobs=2, random_state=seed).fit(X).predict(X)
+
+
+def main(count):
+    for seed in range(WARM_UP):
+        fit(seed)
+    start = resident()
+    for seed in range(count):
+        fit(seed)
+    print(start / 2**20, resident() / 2**20)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]))
