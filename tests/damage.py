@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
 import sys
 import warnings
@@ -26,6 +25,8 @@ MOST_SECONDS = 20
 
 def limit_memory():
     """Refuse this process more memory; a bug then fails here, not on the machine."""
+    import resource  # of POSIX alone
+
     resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
 
 
@@ -112,6 +113,8 @@ def refusals(folder):
 
 def peak():
     """Most memory that this process had, bytes."""
+    import resource
+
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
