@@ -23,7 +23,6 @@ from skmotionseg import MotionSegmenter, cli
 from skmotionseg.datasets import make_rigid_motions
 
 X, Y = make_rigid_motions(90, 6, 2, missing=0.1, random_state=0)
-POOLS = max(pool["num_threads"] for pool in threadpool_info())
 SMALL = {"n_hypotheses": 40, "n_landmarks": 50, "max_motions": 3, "random_state": 0}
 # Stage: what is called in its midst.
 FITS = {
@@ -96,7 +95,12 @@ def _import(path):
         return getattr(_import(module), name)
 
 
-def left_over(scratch):
+def pools():
+    """Threads of each native library."""
+    return {pool["filepath"]: pool["num_threads"] for pool in threadpool_info()}
+
+
+def left_over(scratch, before):
     """What should not be there once a stage was interrupted."""
     wrong = [f"temporary {path.name}" for path in scratch.iterdir()]
     for _ in range(500):  # threads that were at work may end what they were at
@@ -105,14 +109,14 @@ def left_over(scratch):
         threading.Event().wait(0.01)
     wrong += [f"thread {t.name}" for t in threading.enumerate()[1:]]
     wrong += [f"process {child.name}" for child in multiprocessing.active_children()]
-    limited = [p["filepath"] for p in threadpool_info() if p["num_threads"] < POOLS]
+    limited = {path for path, n in pools().items() if n != before.get(path, n)}
     return wrong + [f"limited {Path(path).name}" for path in limited]
 
 
 def interrupt_fit(target, scratch):
     expected = MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X).labels_
     patch, calls = interrupting(target)
-    wrong = []
+    wrong, before = [], pools()
     with patch:
         try:
             MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X)
@@ -121,7 +125,7 @@ def interrupt_fit(target, scratch):
             pass
     if len(calls) < 1:
         wrong.append("it was never there")
-    wrong += left_over(scratch)
+    wrong += left_over(scratch, before)
     labels = MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X).labels_
     if not np.array_equal(labels, expected):
         wrong.append("the next fit gives other labels")
@@ -130,6 +134,7 @@ def interrupt_fit(target, scratch):
 
 def interrupt_command(target, arguments, scratch, out, places):
     out.mkdir()
+    before = pools()
     patch, calls = interrupting(target)
     said = io.StringIO()
     quiet = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said)
@@ -139,7 +144,7 @@ def interrupt_command(target, arguments, scratch, out, places):
     if said.getvalue() != "skmotionseg: interrupted\n":
         wrong.append(f"said {said.getvalue()!r}")
     wrong += [f"file {path.name}" for path in out.rglob("*")]
-    return wrong + left_over(scratch)
+    return wrong + left_over(scratch, before)
 
 
 def make_places(folder):

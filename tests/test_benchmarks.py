@@ -11,6 +11,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks import (
     floor,
     growth,
+    imports,
     measuring,
     peers,
     plain,
@@ -144,6 +145,10 @@ def test_dense_tracks_are_judged_where_they_have_labels(clips):
         "dense", ["default-known", "thinned-known"], [clip], 1, None
     )
     assert (row["n_tracks"], thinned["n_tracks"]) == (120, 60)
+
+
+def test_imports_are_timed():
+    assert (imports.import_seconds(1) > 0).all()
 
 
 def test_floor_is_below_our_time(clips):
