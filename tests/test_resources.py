@@ -42,7 +42,7 @@ def test_interrupted_stages_leave_nothing(tmp_path):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-@pytest.mark.parametrize("count", [25, pytest.param(200, marks=pytest.mark.long)])
+@pytest.mark.parametrize("count", [15, pytest.param(200, marks=pytest.mark.long)])
 def test_fits_keep_no_memory(count):
     start, end = map(float, run([HERE / "memory_of_fits.py", count]).split())
     assert end - start < 20

@@ -23,6 +23,13 @@ from skmotionseg.datasets import make_rigid_motions
 METHODS = ("affine", "kernel_addition")
 SEQUENCES, SEEDS = 3, 2
 N_RUNS = len(METHODS) * SEQUENCES * SEEDS
+# Ctrl-C is not ignored, as it is by what a script starts in the background.
+COMMAND = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from skmotionseg.cli import main
+sys.exit(main())
+"""
 RUN = {"sequence": "one", "seed": 0}
 
 kills = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
@@ -98,7 +105,7 @@ def bench_options(data, journal, *options, jobs=1):
 def start(options, **environment):
     """The command in a process group of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "skmotionseg.cli", *options],
+        [sys.executable, "-c", COMMAND, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -161,19 +168,20 @@ def test_a_killed_bench_goes_on(data, tmp_path, counted):
 
 def test_what_has_changed_is_run_again(data, tmp_path, counted, monkeypatch):
     journal = tmp_path / "journal"
-    options = bench_options(data, journal)
+    options = bench_options(data, journal, "--seeds", 1)
+    n_runs = N_RUNS // SEEDS
     assert cli.main(options) == 0
     counted.clear()
     with monkeypatch.context() as patch:
         patch.setattr(_bench, "METHODS", {**_bench.METHODS, "affine": {"top": 0.2}})
         assert cli.main(options) == 0
-    assert len(counted) == N_RUNS / 2  # of the method that has changed
+    assert len(counted) == n_runs / 2  # of the method that has changed
     for name, value in (("__version__", "9"), ("_digest_of_code", lambda: "other")):
         counted.clear()
         with monkeypatch.context() as patch:
             patch.setattr(_bench, name, value)
             assert cli.main(options) == 0
-        assert len(counted) == N_RUNS
+        assert len(counted) == n_runs
     counted.clear()
     X, y = make_rigid_motions(41, 4, 2, random_state=9)
     changed = data / "KT3DMoSeg" / "Seq0_Tracks.mat"
@@ -282,6 +290,7 @@ def test_labels_are_kept_for_other_processes(tmp_path, monkeypatch):
 
 
 @kills
+@pytest.mark.long
 def test_killed_tuning_goes_on(tmp_path):
     """The example, which the guide sends people to."""
     script = Path(__file__).parents[1] / "examples" / "tune.py"
