@@ -138,10 +138,10 @@ def save_motions(
 
 
 def _check_labels(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    labels = check_label_each(labels, n_tracks)
-    if labels.dtype.kind not in "iu":
-        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
-    return labels
+    checked = check_label_each(labels, n_tracks)
+    if checked.dtype.kind not in "iu":
+        raise ValueError(f"labels must be whole numbers; got dtype {checked.dtype}")
+    return checked
 
 
 def _make_folder(folder, names):

@@ -22,6 +22,8 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+# Of the time of the lowest matplotlib, which newer ones warn of.
+CONTEMPORARIES = ["pyparsing<3.1"]
 BARE = """
 import sys
 from skmotionseg import MotionSegmenter, save_motions
@@ -105,7 +107,8 @@ def lowest_versions():
     """
     extras = project()["optional-dependencies"]
     every = [*project()["dependencies"], *extras["cli"], *extras["plot"]]
-    return [lowest_of(r) for r in [*every, *extras["video"]] if ">=" in r]
+    every = [lowest_of(r) for r in [*every, *extras["video"]] if ">=" in r]
+    return every + CONTEMPORARIES
 
 
 def lowest_of(requirement):

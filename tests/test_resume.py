@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -32,7 +33,9 @@ sys.exit(main())
 """
 RUN = {"sequence": "one", "seed": 0}
 
-kills = pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+kills = pytest.mark.skipif(
+    os.name != "posix" or shutil.which("ps") is None, reason="needs signals and ps"
+)
 
 
 # ---------------------------------------------------------------------------- journal
