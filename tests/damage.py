@@ -19,6 +19,8 @@ import numpy as np
 
 from skmotionseg._frames import VIDEO_ENDINGS, open_frames
 from skmotionseg.datasets import load_tracks
+from skmotionseg.datasets._moseg import read_definition
+from skmotionseg.datasets._regions import _read_image
 
 MOST_BYTES = 2**30
 MOST_SECONDS = 20
@@ -34,6 +36,10 @@ def limit_memory():
 def read(path):
     if path.is_dir() or path.suffix in VIDEO_ENDINGS:
         return sum(1 for _ in open_frames(path))
+    if path.name.endswith("Def.dat"):
+        return read_definition(path)
+    if path.suffix in (".pgm", ".ppm"):
+        return _read_image(path)
     return load_tracks(path)
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
-from moseg_files import write_tracks
+from moseg_files import definition_text, write_tracks
 from test_datasets import TRACKER_FILES, homogeneous_pixels, observations, write_struct
 
 from skmotionseg import unpack_tracks
@@ -66,6 +66,17 @@ def write_track_files(folder):
     write_tracks(folder / "moseg.dat", X, Y)
 
 
+def write_masks(folder):
+    """What FBMS-59 has beside tracks."""
+    Image = pytest.importorskip("PIL.Image", reason="needs Pillow")
+    regions = (POINTS[:30, :, 0].repeat(4, axis=1) > 600).astype(np.uint8) * 255
+    Image.fromarray(regions).save(folder / "grey.pgm")
+    Image.fromarray(np.dstack([regions, regions, 255 - regions])).save(folder / "c.ppm")
+    Image.fromarray(regions).save(folder / "really_png.pgm", format="PNG")
+    text = definition_text([255, 40, 90], 4, [(0, "cars9_01.pgm"), (2, "cars9_03.pgm")])
+    (folder / "cars9Def.dat").write_text(text)
+
+
 def write_videos(folder):
     cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
     rng = np.random.default_rng(0)
@@ -82,7 +93,7 @@ def write_videos(folder):
         assert cv2.imwrite(str(folder / ending / f"0.{ending}"), frames[0])
 
 
-@pytest.mark.parametrize("write", [write_track_files, write_videos])
+@pytest.mark.parametrize("write", [write_track_files, write_masks, write_videos])
 @pytest.mark.parametrize(
     "every_percent, n_flips, seconds",
     [(5, 100, 120), pytest.param(1, 2000, 1800, marks=pytest.mark.long)],

@@ -6,6 +6,7 @@ import os
 import re
 import warnings
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from sklearn.utils import Bunch
@@ -16,6 +17,8 @@ from ._moseg import read_definition, read_moseg_tracks
 
 FBMS_SETS = ("Trainingset", "Testset")
 MASK_ENDINGS = (".pgm", ".ppm", ".png")
+# Of a mask, before it is read: 8K has as many.
+MOST_PIXELS = 2**25
 
 
 def load_fbms59(
@@ -385,10 +388,28 @@ def _read_image(path):
         with warnings.catch_warnings():
             warnings.simplefilter("error", module.DecompressionBombWarning)
             with module.open(path) as image:
-                grey = image.mode in ("1", "L")
-                pixels = np.asarray(image.convert("L" if grey else "RGB"), dtype=int)
+                size = image.width * image.height
+                if size <= MOST_PIXELS:
+                    return _scales_of(image)
     except (module.DecompressionBombError, module.DecompressionBombWarning) as error:
         raise ValueError(f"{path} claims to be too large an image: {error}") from error
-    except (OSError, ValueError, SyntaxError) as error:
-        raise ValueError(f"{path} is not an image: {error}") from error
-    return pixels if grey else pixels @ [65536, 256, 1]
+    except Exception as error:  # whatever Pillow meets in a broken file
+        raise ValueError(
+            f"{path} is not an image: {shorten(str(error), 300)} (expected a whole "
+            f"{', '.join(MASK_ENDINGS)})"
+        ) from error
+    raise ValueError(
+        f"{path} claims to be too large an image: {size} pixels; expected "
+        f"{MOST_PIXELS} at most"
+    )
+
+
+def _scales_of(image):
+    if image.mode in ("1", "L"):
+        return np.asarray(image.convert("L"), dtype=int)
+    colours = np.asarray(image.convert("RGB"))
+    scales = np.zeros(colours.shape[:2], dtype=int)
+    for channel in range(3):
+        scales *= 256
+        scales += colours[..., channel]
+    return scales
