@@ -3,10 +3,11 @@
     python -m tests.environments [lowest] [newest] [bare] [-- PYTEST OPTIONS]
 
 ``lowest``: what pyproject.toml says is enough, of the package and, matplotlib apart, of
-the extras ``cli`` and ``video``. The extra ``dask`` needs a newer joblib than the package: its tests are
-skipped. ``newest``: what pip resolves, with all extras that have tests. Warnings are
-errors in both, so what the next versions will refuse is found now. ``bare``: no extra
-and no test tool; a scene is segmented away from the sources. All three by default.
+the extras ``cli`` and ``video``. The extra ``dask`` needs a newer joblib than the
+package: its tests are skipped. ``newest``: what pip resolves, with all extras that have
+tests. Warnings are errors in both, so what the next versions will refuse is found now.
+``bare``: no extra and no test tool; a scene is segmented away from the sources. All
+three by default.
 """
 
 from __future__ import annotations
