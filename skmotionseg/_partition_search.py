@@ -8,22 +8,15 @@ from itertools import chain
 import numpy as np
 
 from ._core.geometry import clip_geometry
-from ._core.merging import GroupLengths, each_gains, merge_path
+from ._core.judging import Judge
+from ._core.merging import merge_path
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
-from ._core.selection import canonical_labels, nearest_labels, normalized_cut
+from ._core.selection import canonical_labels, nearest_labels
 from ._core.spectral import ViewGraph, connected_tracks
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
 SPARSITIES = (4.0, 8.0)
-# What a normalised cut of 1 is worth, in nats an observation. With the number of
-# motions known, 0.05 to 1 give the same errors within 0.4 points. With it unknown, less
-# finds more motions: at 0.2 and 0.8 single sequences of each benchmark change sides.
-CUT_WEIGHT = 0.4
-# Two motions of a partition must save so many times its cut, in nats an observation of
-# the smaller, against being one: a large group that is torn in two saves little a
-# track, a small thing that moves by itself saves much. 3 to 7 differ by one sequence.
-GAIN_OF_CUT = 4.0
 # Groups that are merged again, unless more motions are looked for.
 OVERSEGMENTATION = 8
 
@@ -81,18 +74,17 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
     sparsities = SPARSITIES if sparsity == "auto" else (sparsity,)
     most = max(int(counts[-1]), min(OVERSEGMENTATION, len(connected)))
     sparse = [_sparse_views(views, alpha) for alpha in sparsities]
-    lengths = GroupLengths(clip_geometry(points[connected], visibility[connected]))
+    geometry = clip_geometry(points[connected], visibility[connected])
+    judge = Judge(geometry, sparse[-1])
     mean_affinity = views.mean(axis=0)
     best, tried = {}, set()
-    for labels in _candidates(sparse, mean_affinity, counts, most, lengths, clusterer):
+    for labels in _candidates(sparse, mean_affinity, counts, most, judge, clusterer):
         if labels.tobytes() in tried:
             continue
         tried.add(labels.tobytes())
         count = labels.max() + 1
-        cut = sum(normalized_cut(view, labels) for view in sparse[-1])
-        length = lengths.of_partition(labels)
-        cost = (cut, length, CUT_WEIGHT * cut + length)
-        if count not in best or cost[2] < best[count][0][2]:
+        cost = judge.cost(labels)
+        if count not in best or cost.total < best[count][0].total:
             best[count] = (cost, labels)
     # Identical tracks may give fewer groups than were asked for.
     found = np.array([count for count in counts if count in best] or [max(best)])
@@ -100,12 +92,10 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
     partitions = [best[count][1] for count in found]
     everything = np.full((len(found), len(points)), -1)
     everything[:, connected] = [canonical_labels(labels) for labels in partitions]
-    return PartitionSearch(
-        found, costs, everything, _choose(costs, partitions, lengths)
-    )
+    return PartitionSearch(found, costs, everything, _choose(costs, partitions, judge))
 
 
-def _choose(costs, partitions, lengths):
+def _choose(costs, partitions, judge):
     """Position of the cheapest partition whose motions gain; else the first.
 
     Of equal costs, as of groups that are never seen together, the larger count.
@@ -114,8 +104,7 @@ def _choose(costs, partitions, lengths):
         return 0
     order = np.lexsort((-np.arange(len(costs)), np.round(costs[:, 2], 9)))
     for position in order:
-        least = GAIN_OF_CUT * costs[position, 0]
-        if each_gains(partitions[position], lengths, least):
+        if judge.each_gains(partitions[position]):
             return int(position)
     return 0
 
@@ -128,7 +117,7 @@ def _sparse_views(views, alpha):
     return np.stack(sparse)
 
 
-def _candidates(sparse, affinity, counts, most, lengths, clusterer):
+def _candidates(sparse, affinity, counts, most, judge, clusterer):
     """Yield partitions (n,) of all tracks, some of them more than once."""
     yield np.zeros(len(affinity), dtype=int)
     if counts[-1] == 1:
@@ -142,7 +131,9 @@ def _candidates(sparse, affinity, counts, most, lengths, clusterer):
             yield _cluster(graph, int(count), affinity, clusterer)
     for graph in graphs[-1]:
         oversegmented = _cluster(graph, graph.n_leading, affinity, clusterer)
-        yield from merge_path(oversegmented, affinity, lengths, max(2, int(counts[0])))
+        yield from merge_path(
+            oversegmented, affinity, judge.lengths[0], max(2, int(counts[0]))
+        )
 
 
 def _model_subsets(views):

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.utils import check_random_state
 
-from ._core.geometry import mean_sampson_errors
+from ._core.epipolar import mean_sampson_errors
 from ._core.tracks import unpack_tracks
 
 

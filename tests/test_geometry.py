@@ -7,14 +7,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from skmotionseg._core.epipolar import (
+    cheapest_rank_two,
+    nearest_rank_two,
+    robust_fits,
+    robust_residuals,
+)
 from skmotionseg._core.geometry import (
     MAX_PAIRS,
     NOISE_LEVELS,
+    DescriptionLength,
     clip_geometry,
     description_length,
-    robust_residuals,
 )
-from skmotionseg._core.merging import GroupLengths, groups_of, merge_path
+from skmotionseg._core.judging import GroupLengths
+from skmotionseg._core.merging import merge_path
+from skmotionseg._core.selection import groups_of
 from skmotionseg._core.tracks import unpack_tracks
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -65,6 +73,63 @@ def test_pairs_that_see_fewer_than_eight_are_not_fitted():
     assert np.isinf(errors[1]).all()
 
 
+def random_moments(rank, n=100):
+    """Moments (n, 9, 9) of epipolar equations that leave some directions open."""
+    rng = np.random.default_rng(0)
+    rows = rng.standard_normal((n, 40, rank)) @ rng.standard_normal((n, rank, 9))
+    rows += 1e-3 * rng.standard_normal(rows.shape)
+    return rows.swapaxes(1, 2) @ rows
+
+
+@pytest.mark.parametrize("rank", [6, 7, 8])
+@pytest.mark.parametrize("lower_rank", [nearest_rank_two, cheapest_rank_two])
+def test_both_corrections_give_rank_two(lower_rank, rank):
+    F = lower_rank(np.linalg.inv(random_moments(rank)))
+    np.testing.assert_allclose(np.linalg.det(F), 0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(F, axis=(1, 2)), 1)
+
+
+@pytest.mark.parametrize("rank", [6, 7])
+def test_the_cheapest_correction_is_cheaper_where_entries_are_open(rank):
+    moments = random_moments(rank)
+    nearest, cheapest = (
+        np.einsum("pi,pij,pj->p", f, moments, f)
+        for lower_rank in (nearest_rank_two, cheapest_rank_two)
+        for f in [lower_rank(np.linalg.inv(moments)).reshape(-1, 9)]
+    )
+    assert np.mean(cheapest < nearest) > 0.85  # some steps lead to no root
+    assert np.median(nearest / cheapest) > 1e3
+
+
+def test_the_two_corrections_agree_where_all_entries_are_determined():
+    F = np.linalg.svd(np.random.default_rng(0).standard_normal((5, 3, 3)))
+    F = (F[0] * [1, 0.5, 1e-4]) @ F[2]  # all but rank two
+    f = F.reshape(5, 9) / np.linalg.norm(F, axis=(1, 2))[:, None]
+    inverse = 1e6 * f[:, :, None] * f[:, None, :] + np.eye(9)
+    np.testing.assert_allclose(
+        nearest_rank_two(inverse), cheapest_rank_two(inverse), atol=1e-6
+    )
+
+
+def test_fits_are_those_of_the_residuals_and_of_trusted_tracks_only():
+    X, y = make_rigid_motions(
+        n_tracks=150, n_frames=3, n_motions=2, noise=0.1, missing=0, random_state=0
+    )
+    geometry = clip_geometry(*unpack_tracks(X))
+    first, second, seen = geometry.of_group(np.arange(150))
+    trusted = np.broadcast_to(y == 0, seen.shape)
+    F, errors = robust_fits(first, second, seen, trusted=trusted)
+    background = robust_residuals(first[:, y == 0], second[:, y == 0], seen[:, y == 0])
+    alone = np.median(background)  # in other normalised coordinates
+    assert np.median(errors[:, y == 0]) == pytest.approx(alone, rel=0.05)
+    assert np.median(errors[:, y == 1]) > 1e4 * alone
+    first, second = (np.dstack([side, np.ones(seen.shape)]) for side in (first, second))
+    lines, back = first @ F.swapaxes(1, 2), second @ F
+    gradient = (lines[..., :2] ** 2 + back[..., :2] ** 2).sum(axis=-1)
+    sampson = (second * lines).sum(axis=-1) ** 2 / gradient
+    np.testing.assert_allclose(sampson, errors, rtol=1e-6, atol=1e-15)
+
+
 def test_true_motions_are_shorter_than_wrong_ones():
     geometry, y = geometry_of(random_state=0)
     lengths = GroupLengths(geometry)
@@ -79,18 +144,20 @@ def test_length_does_not_depend_on_order_and_hardly_on_image_scale():
     points, visibility = unpack_tracks(X)
     members = np.flatnonzero(y == 1)
     geometry = clip_geometry(points, visibility)
-    length = description_length(geometry, members)
-    assert description_length(geometry, members[::-1]) == pytest.approx(length)
+    length = description_length(geometry, members).total
+    reverse = description_length(geometry, members[::-1])
+    assert reverse.total == pytest.approx(length)
     scaled = clip_geometry(7.5 * points + 1000, visibility)
-    assert description_length(scaled, members) == pytest.approx(length, rel=1e-6)
+    scaled = description_length(scaled, members)
+    assert scaled.total == pytest.approx(length, rel=1e-6)
 
 
 def test_a_model_costs_seven_free_tracks_where_there_is_one():
     geometry, _ = geometry_of(
         n_tracks=40, n_motions=1, n_frames=9, missing=0, random_state=0
     )
-    assert description_length(geometry, np.arange(7))[1] == 0
-    models = description_length(geometry, np.arange(40))[1]
+    assert description_length(geometry, np.arange(7)).models == 0
+    models = description_length(geometry, np.arange(40)).models
     free = geometry.log_range[:, None] - np.log(NOISE_LEVELS * np.sqrt(2 * np.pi))
     independent = 8 / len(geometry.seen)  # 8 motions from frame to frame, 13 pairs
     assert np.isclose(models, 7 * independent * free.sum(axis=0)).any()
@@ -98,12 +165,9 @@ def test_a_model_costs_seven_free_tracks_where_there_is_one():
 
 def test_noisier_tracks_take_more_to_describe():
     lengths = [
-        sum(
-            description_length(
-                geometry_of(n_motions=1, noise=noise, random_state=0)[0],
-                np.arange(400),
-            )
-        )
+        description_length(
+            geometry_of(n_motions=1, noise=noise, random_state=0)[0], np.arange(400)
+        ).total
         for noise in (0.1, 0.3, 1.0)
     ]
     assert lengths == sorted(lengths)
@@ -111,7 +175,7 @@ def test_noisier_tracks_take_more_to_describe():
 
 def test_a_group_too_small_to_fit_costs_its_place_in_the_plane():
     geometry, _ = geometry_of(n_motions=1, missing=0, random_state=0)
-    few, _ = description_length(geometry, np.arange(7))
+    few = description_length(geometry, np.arange(7)).tracks.sum()
     # Two free coordinates an observation, whatever the noise level.
     assert few == pytest.approx(2 * 7 * geometry.log_range.sum())
 
@@ -121,13 +185,13 @@ def test_still_tracks_have_a_finite_length(n_tracks):
     points = np.random.default_rng(0).uniform(0, 500, size=(n_tracks, 1, 2))
     points = np.repeat(points, 4, axis=1)
     geometry = clip_geometry(points, np.ones((n_tracks, 4), dtype=bool))
-    assert np.isfinite(description_length(geometry, np.arange(n_tracks))).all()
+    assert np.isfinite(description_length(geometry, np.arange(n_tracks)).total)
 
 
 def test_coincident_tracks_have_a_finite_length():
     points = np.full((12, 3, 2), 5.0)
     geometry = clip_geometry(points, np.ones((12, 3), dtype=bool))
-    assert np.isfinite(description_length(geometry, np.arange(12))).all()
+    assert np.isfinite(description_length(geometry, np.arange(12)).total)
 
 
 def test_merging_an_oversegmentation_finds_the_motions():
@@ -153,10 +217,10 @@ def test_every_step_of_a_merge_joins_two_groups():
 
 def test_lengths_are_computed_once(monkeypatch):
     geometry, y = geometry_of(n_tracks=60, n_frames=4, random_state=0)
-    calls = []
+    calls, nothing = [], DescriptionLength(np.zeros(1), 0.0, np.zeros(1, dtype=bool))
     monkeypatch.setattr(
-        "skmotionseg._core.merging.description_length",
-        lambda geometry, members: calls.append(len(members)) or (1.0, 0.0),
+        "skmotionseg._core.judging.description_length",
+        lambda geometry, members, _: calls.append(len(members)) or nothing,
     )
     lengths = GroupLengths(geometry)
     lengths.of_partition(y)

@@ -7,10 +7,10 @@ import pytest
 
 from skmotionseg import MotionSegmenter
 from skmotionseg._core.geometry import clip_geometry
-from skmotionseg._core.merging import GroupLengths, each_gains
-from skmotionseg._core.selection import nearest_labels
+from skmotionseg._core.judging import CUT_WEIGHT, GroupLengths, Judge
+from skmotionseg._core.selection import cuts_between, nearest_labels, normalized_cut
 from skmotionseg._core.tracks import unpack_tracks
-from skmotionseg._partition_search import CUT_WEIGHT, _choose
+from skmotionseg._partition_search import _choose
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -57,18 +57,64 @@ def test_total_is_length_plus_the_weighted_cut(scene):
     assert costs[0, 0] == pytest.approx(0, abs=1e-9)  # one motion cuts nothing
 
 
-def test_a_partition_is_chosen_only_if_its_motions_gain():
+@pytest.fixture
+def judged():
+    """A scene, its judge on a graph with few links between motions, and the truth."""
     X, y = make_rigid_motions(random_state=0)
-    lengths = GroupLengths(clip_geometry(*unpack_tracks(X)))
+    graph = np.where(y[:, None] == y, 1, 0.02)
+    return Judge(clip_geometry(*unpack_tracks(X)), graph[None]), y
+
+
+def test_a_partition_is_chosen_only_if_its_motions_gain(judged):
+    judge, y = judged
     halves = np.random.default_rng(0).integers(0, 2, len(y))
     torn = np.where(y == 0, 3 * halves, y)  # the background torn in two
     one = np.zeros_like(y)
-    assert each_gains(y, lengths, least=1.0)
-    assert not each_gains(torn, lengths, least=0.1)
-    assert each_gains(one, lengths, least=np.inf)  # there is no pair
+    assert judge.each_gains(y)
+    assert not judge.each_gains(torn)
+    assert judge.each_gains(one)  # there is no pair
     costs = np.array([[0, 0, 3.0], [0.02, 0, 2.0], [0.02, 0, 1.0]])
-    assert _choose(costs, [one, y, torn], lengths) == 1
-    assert _choose(costs[2:], [torn], lengths) == 0  # the smallest, if none gains
+    assert _choose(costs, [one, y, torn], judge) == 1
+    assert _choose(costs[2:], [torn], judge) == 0  # the smallest, if none gains
+
+
+def test_a_gain_is_that_of_the_pairs_in_which_both_have_a_model():
+    X, y = make_rigid_motions(n_tracks=100, n_motions=2, missing=0, random_state=0)
+    first, second = np.flatnonzero(y == 0), np.flatnonzero(y == 1)
+    few = second[:7]
+    assert gain_of(X, first, second) > 1
+    assert gain_of(X, first, few) == 0  # no pair in which seven have a model
+    apart = X.copy()
+    apart[first, 20:] = np.nan
+    apart[second, :20] = np.nan
+    assert gain_of(apart, first, second) == np.inf
+    # Where the second is seen eight times or more it is judged, and only there.
+    rare = X.copy()
+    rare[second[7:], 20:] = np.nan
+    early = np.where(np.arange(40) < 20, X, np.nan)
+    late = gain_of(rare, first, second), gain_of(early, first, second)
+    assert late[0] == pytest.approx(late[1], rel=0.5)
+
+
+def gain_of(X, first, second):
+    return GroupLengths(clip_geometry(*unpack_tracks(X))).gain(first, second)
+
+
+def test_cuts_between_are_what_a_merge_saves():
+    rng = np.random.default_rng(0)
+    affinity = rng.random((30, 30))
+    affinity += affinity.T
+    labels = np.arange(30) % 4
+    saved = cuts_between(affinity, labels)
+    for i in range(4):
+        assert saved[i, i] == 0
+        for j in range(i):
+            merged = np.where(labels == i, j, labels)
+            merged = np.unique(merged, return_inverse=True)[1]
+            expected = normalized_cut(affinity, labels) - normalized_cut(
+                affinity, merged
+            )
+            assert saved[i, j] == saved[j, i] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("seed", range(3))

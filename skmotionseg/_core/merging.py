@@ -4,67 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .geometry import description_length
-from .selection import indicator
-
-
-class GroupLengths:
-    """Description lengths of groups of tracks, each computed once.
-
-    Parameters
-    ----------
-    geometry : ClipGeometry
-    """
-
-    def __init__(self, geometry):
-        self.geometry = geometry
-        self._known = {}
-
-    def __call__(self, members):
-        """Nats to describe a group, given as sorted positions: tracks and models."""
-        key = members.tobytes()
-        if key not in self._known:
-            self._known[key] = description_length(self.geometry, members)
-        return self._known[key]
-
-    def of_partition(self, labels):
-        """Nats an observation to describe all groups of a partition."""
-        total = sum(sum(self(group)) for group in groups_of(labels))
-        return total / self.geometry.n_observations
-
-
-def groups_of(labels):
-    """Positions of the members of each group, by label."""
-    return [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
-
-
-def each_gains(labels, lengths, least):
-    """Whether each of two motions gains from not being the other.
-
-    Two that are never seen in the same frame pair have nothing to gain or lose by a
-    common model; nothing says that they are one, so they may stay apart.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (n,)
-    lengths : GroupLengths
-    least : float
-        Nats an observation of the smaller motion that the two must save, against a
-        common model, for every pair of motions.
-
-    Returns
-    -------
-    bool
-    """
-    groups = groups_of(labels)
-    seen = lengths.geometry.seen
-    pairs = [seen[:, group].any(axis=1) for group in groups]
-    return all(
-        not (pairs[i] & pairs[j]).any()
-        or _merge_cost(groups[i], groups[j], lengths) >= least
-        for i in range(len(groups))
-        for j in range(i)
-    )
+from .selection import groups_of, indicator
 
 
 def merge_path(labels, affinity, lengths, n_last):
@@ -127,8 +67,8 @@ def _cheapest_merge(groups, sums, lengths):
 
 def _merge_cost(first, second, lengths):
     """Nats an observation of the smaller group that its tracks lose by a merge."""
-    together, _ = lengths(np.union1d(first, second))
-    rise = together - lengths(first)[0] - lengths(second)[0]
+    together = lengths(np.union1d(first, second)).tracks.sum()
+    rise = together - lengths(first).tracks.sum() - lengths(second).tracks.sum()
     seen = lengths.geometry.seen
     return rise / max(1, min(seen[:, first].sum(), seen[:, second].sum()))
 

@@ -219,7 +219,7 @@ def rank_two(F):
     ndarray of shape (..., 3, 3)
     """
     F = _unit_norm(F)
-    cofactors = _cofactors3(F)
+    cofactors = cofactors3(F)
     v = dominant_eigenvectors(np.swapaxes(cofactors, -1, -2) @ cofactors)
     v[(cofactors**2).sum(axis=(-2, -1)) < RANK_ONE**2] = 0
     return _unit_norm(F - (F @ v[..., None]) * v[..., None, :])
@@ -448,14 +448,14 @@ def _adjugate2(M):
 
 
 def _adjugate3(M):
-    return np.swapaxes(_cofactors3(M), -1, -2)
+    return np.swapaxes(cofactors3(M), -1, -2)
 
 
 def _unit_norm(M):
     return M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
 
 
-def _cofactors3(M):
+def cofactors3(M):
     """Matrices of cofactors: row i is the cross product of the two rows after it."""
     a, b = M[..., [1, 2, 0], :], M[..., [2, 0, 1], :]
     return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]

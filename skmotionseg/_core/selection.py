@@ -60,6 +60,21 @@ def nearest_labels(affinity, labels, n_nearest=5):
     return np.where(votes.max(axis=1) > 0, votes.argmax(axis=1), -1)
 
 
+def groups_of(labels):
+    """Positions of the members of each group, by label.
+
+    Parameters
+    ----------
+    labels : ndarray of int, shape (n,)
+        ``0..M - 1``, none empty.
+
+    Returns
+    -------
+    list of ndarray of int
+    """
+    return [np.flatnonzero(labels == label) for label in range(labels.max() + 1)]
+
+
 def indicator(labels):
     """The assignment matrix X, (n, M); rows of negative labels are zero."""
     return (labels[:, None] == np.arange(labels.max(initial=-1) + 1)).astype(float)
@@ -82,8 +97,37 @@ def normalized_cut(affinity, labels):
     X = indicator(labels)
     inside = np.einsum("im,im->m", X, affinity @ X)
     volume = X.T @ affinity.sum(axis=1)
+    return float(_share_cut(inside, volume).sum())
+
+
+def cuts_between(affinity, labels):
+    """By how much the normalised cut falls when two groups become one.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (n, n)
+    labels : ndarray of int, shape (n,)
+        ``0..M - 1``, none empty.
+
+    Returns
+    -------
+    ndarray of shape (M, M)
+        Symmetric, and not negative.
+    """
+    X = indicator(labels)
+    sums = X.T @ affinity @ X
+    volume = sums.sum(axis=1)
+    inside = np.diagonal(sums)
+    apart = _share_cut(inside, volume)
+    joint = _share_cut(inside[:, None] + inside + 2 * sums, volume[:, None] + volume)
+    falls = apart[:, None] + apart - joint
+    return np.where(np.eye(len(sums)) == 1, 0, np.maximum(falls, 0))
+
+
+def _share_cut(inside, volume):
+    """The part of groups' volumes that leaves them; 0 for groups without any."""
     cut = np.maximum(volume - inside, 0)
-    return float(np.divide(cut, volume, out=np.zeros_like(cut), where=volume > 0).sum())
+    return np.divide(cut, volume, out=np.zeros_like(cut), where=volume > 0)
 
 
 def reconstruction_error(affinity, labels):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._core.judging import CUT_WEIGHT
 from .._core.selection import canonical_labels
 from .._extras import require
 from .._palette import series_colour
-from .._partition_search import CUT_WEIGHT
 from .._validation import split_views
 from ..model_selection import (
     EigengapModelSelector,
