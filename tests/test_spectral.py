@@ -123,6 +123,17 @@ def test_repeated_eigenvalues_have_orthonormal_eigenvectors(n_vectors):
     assert_allclose(N @ vectors, vectors * values, atol=1e-12)
 
 
+@pytest.mark.parametrize("n_vectors", range(1, 9))
+@pytest.mark.parametrize("n", range(2, 40))
+def test_no_eigenvector_is_lost_where_all_eigenvalues_but_one_are_equal(n, n_vectors):
+    n_vectors = min(n, n_vectors)
+    N = np.eye(n) + np.full((n, n), 1 / n)
+    values, vectors = leading_eigenvectors(N, n_vectors)
+    assert_allclose(values, [2.0] + [1.0] * (n_vectors - 1))
+    assert_allclose(vectors.T @ vectors, np.eye(n_vectors), atol=1e-12)
+    assert_allclose(N @ vectors, vectors * values, atol=1e-12)
+
+
 def test_the_largest_entry_of_an_eigenvector_is_positive():
     _, vectors = leading_eigenvectors(-normalized_affinity(random_affinity()), 10)
     largest = np.abs(vectors).argmax(axis=0)

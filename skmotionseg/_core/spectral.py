@@ -151,6 +151,10 @@ def leading_eigenvectors(matrix, n_vectors):
         matrix, subset_by_index=[n - n_vectors, n - 1], driver="evx"
     )
     values, vectors = values[::-1], vectors[:, ::-1]
+    if len(values) < n_vectors:
+        # Bisection lost count of equal eigenvalues; LAPACK's cure is to find them all.
+        values, vectors = spectrum(matrix)
+        values, vectors = values[:n_vectors], vectors[:, :n_vectors]
     largest = np.abs(vectors).argmax(axis=0)
     return values, vectors * np.sign(vectors[largest, np.arange(n_vectors)])
 
