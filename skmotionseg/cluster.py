@@ -10,7 +10,7 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted, check_non_negative, validate_data
+from sklearn.utils.validation import check_is_fitted, check_non_negative
 
 from ._core.kmeans import kmeans, nearest_centres
 from ._core.selection import canonical_labels
@@ -21,7 +21,13 @@ from ._core.spectral import (
 )
 from ._parallel import thread_map
 from ._threads import single_threaded
-from ._validation import check_n_groups, get_fusion, read_affinities, split_views
+from ._validation import (
+    check_n_groups,
+    get_fusion,
+    read_affinities,
+    read_matrix,
+    split_views,
+)
 
 
 class AffinityInput:
@@ -230,7 +236,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             -1 for a row without affinity to any clustered row.
         """
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False, dtype=np.float64)
+        X = read_matrix(self, X, reset=False, dtype=np.float64)
         check_non_negative(X, f"{type(self).__name__}.predict")
         rows = split_views(X, self.n_views_) * (self._degrees[:, None] > 0)
         features = cluster_features(
