@@ -72,7 +72,8 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
     ----------
     labels_ : ndarray of int, shape (n,)
         ``0..n_clusters - 1``, the largest motion first; -1 for a track that has no
-        affinity to another in any view.
+        affinity to another in any view. Tracks of the same affinities have the same
+        label, so there are fewer where fewer differ.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
     objective_ : ndarray of shape (``n_iter_``,)

@@ -209,15 +209,16 @@ def test_eigenvectors_of_a_perturbed_matrix_are_those_of_the_sum(n, size):
     rng = np.random.default_rng(n)
     known, other = (A + A.T for A in rng.standard_normal((2, n, n)))
     other *= size / np.sqrt(n)
-    found = leading_of_perturbed(*spectrum(known), lambda X: other @ X, 3)
-    expected = leading_eigenvectors(known + other, 3)[1]
+    values, found = leading_of_perturbed(*spectrum(known), lambda X: other @ X, 3)
+    expected_values, expected = leading_eigenvectors(known + other, 3)
+    assert_allclose(values, expected_values)
     assert_allclose(np.abs(found.T @ expected), np.eye(3), atol=1e-7)
 
 
 def test_eigenvectors_of_a_perturbed_matrix_with_equal_eigenvalues():
     n = 40
     direction = np.random.default_rng(0).standard_normal((n, 1))
-    found = leading_of_perturbed(
+    _, found = leading_of_perturbed(
         *spectrum(np.eye(n)), lambda X: direction @ (direction.T @ X), 1
     )
     assert_allclose(np.abs(found.T @ direction), np.linalg.norm(direction), rtol=1e-9)
@@ -291,6 +292,22 @@ def test_components_of_the_graph_are_recovered(fusion, n_views):
     for U in fuse(fusion, kernels).embeddings:
         rows = normalize_rows(U)
         assert_allclose(rows @ rows.T, together, atol=1e-9)
+
+
+@every_fusion
+@pytest.mark.parametrize("n_views", [1, 3])
+def test_directions_without_affinity_are_not_embedded(fusion, n_views):
+    """One group has one direction: any other would tell apart tracks that are alike."""
+    fused = fuse(fusion, np.ones((n_views, 12, 12)))
+    assert_allclose(np.abs(fused.embeddings[:, :, 0]), 12**-0.5)
+    assert_array_equal(fused.embeddings[:, :, 1:], 0)
+
+
+@every_fusion
+def test_tracks_that_are_alike_have_the_same_features(fusion):
+    kernels = views()[:, :, np.arange(24) // 2][:, np.arange(24) // 2]  # rank 12
+    features = cluster_features(fuse(fusion, kernels, 24, n_clusters=20).embeddings)
+    assert_array_equal(features[::2], features[1::2])
 
 
 @every_fusion
