@@ -293,6 +293,14 @@ def test_identical_still_tracks_get_the_same_label(selection, n_motions, seed):
     assert_array_equal(labels[8:], labels[:4])
 
 
+@pytest.mark.parametrize("seed", [1, 9])
+def test_tracks_that_have_next_to_nothing_in_common_get_valid_labels(seed):
+    """No affinity among them outlives the epsilon-neighbourhood."""
+    X = np.random.default_rng(seed).uniform(-300, 300, size=(4, 6))
+    segmenter = MotionSegmenter(models="affine", n_hypotheses=20, random_state=0)
+    assert_valid(segmenter.fit_predict(X), 4)
+
+
 def test_pixels_far_from_the_origin(two_motions):
     X, y = two_motions
     labels = MotionSegmenter(2, **SMALL).fit_predict(X + 1e5)
