@@ -443,6 +443,15 @@ def test_rows_have_length_one_and_zero_rows_stay():
     assert_allclose(rows, [[0.6, 0.8], [0, 0], [0, -1]])
 
 
+def test_rows_that_are_zero_but_for_rounding_have_no_features():
+    """As in a component of the graph that no eigenvector is about."""
+    U = np.linalg.qr(np.random.default_rng(0).standard_normal((9, 2)))[0]
+    U[4:] = 1e-17 * np.random.default_rng(1).standard_normal((5, 2))
+    features = cluster_features([U, U])
+    assert_allclose(np.linalg.norm(features[:4], axis=1), 1)
+    assert_array_equal(features[4:], 0)
+
+
 def test_features_put_the_views_side_by_side():
     first, second = np.array([[3.0, 4.0]]), np.array([[0.0, 0.1]])
     expected = np.array([[0.6, 0.8, 0, 1]]) / np.sqrt(2)

@@ -22,6 +22,9 @@ EXTRA_VECTORS = 8
 EIGENVECTOR_TOLERANCE = 1e-9
 # Eigenvalues up to this are none: their directions say nothing about the tracks.
 NO_EIGENVALUE = 1e-10
+# Rows of orthonormal columns up to this length are zero but for rounding: tracks of a
+# component of the graph that no column is about.
+NO_LENGTH = 1e-10
 # Decimals of the features: rows that differ by rounding alone are the same to k-means.
 FEATURE_DECIMALS = 9
 
@@ -224,9 +227,10 @@ def supported_directions(values, vectors):
 
 
 def normalize_rows(matrix):
-    """Rows of length 1; zero rows stay zero."""
+    """Rows of length 1; rows that are zero but for rounding are zero."""
     length = np.linalg.norm(matrix, axis=-1, keepdims=True)
-    return np.divide(matrix, length, out=np.zeros_like(matrix), where=length > 0)
+    there = length > NO_LENGTH
+    return np.divide(matrix, length, out=np.zeros_like(matrix), where=there)
 
 
 def cluster_features(embeddings):
