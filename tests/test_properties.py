@@ -21,16 +21,19 @@ from numpy.testing import assert_allclose, assert_array_equal
 from track_strategies import affinities, mostly, residuals, tracks
 
 from skmotionseg import (
+    EigengapModelSelector,
     HypothesisSampler,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
     ORKKernel,
+    SelfTuningModelSelector,
 )
 from skmotionseg._core.tracks import frame_pairs
 
 MODELS = ("affine", "homography", "fundamental")
 MINIMAL_SIZE = {"affine": 3, "homography": 4, "fundamental": 8}
+SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
 FUSIONS = ("kernel_addition", "coreg", "subset")
 CASES = {"short": 500, "long": 20_000}
 CASES_A_TEST = 250  # of the long run, so that it comes in pieces
@@ -56,7 +59,7 @@ REFUSALS = {
     "symmetric": r"affinities need to be symmetric; entries of view \d differ from "
     r"their transposes by up to ",
     "negative": r"Negative values in data passed to (X in )?"
-    r"(MultiModelSpectralClustering|NCREModelSelector)",
+    r"(MultiModelSpectralClustering|\w+ModelSelector)",
 }
 
 
@@ -205,7 +208,7 @@ def check_kernel(kernel, recipe):
     assert_array_equal(kernel.transform(recipe.given()), K)
 
 
-# -------------------------------------- MultiModelSpectralClustering, NCREModelSelector
+# --------------------------- MultiModelSpectralClustering, NCREModelSelector and others
 
 
 @st.composite
@@ -245,12 +248,19 @@ def assert_affinities_are_clustered(estimator, recipe):
 @st.composite
 def selectors(draw):
     fewest = draw(mostly(st.just(1), st.integers(1, 6)))
-    return NCREModelSelector(
-        draw(clusterings()),
-        delta=draw(st.sampled_from((0.0, 0.2, 1.0))),
-        min_clusters=fewest,
-        max_clusters=draw(st.integers(fewest, 7)),
+    clusterer = draw(clusterings())
+    counts = {"min_clusters": fewest, "max_clusters": draw(st.integers(fewest, 7))}
+    other = draw(
+        mostly(
+            st.none(),
+            *[st.just(EigengapModelSelector)] * 3,
+            *[st.just(SelfTuningModelSelector)] * 3,
+        )
     )
+    if other is not None:
+        return other(clusterer, **counts)
+    delta = draw(st.sampled_from((0.0, 0.2, 1.0)))
+    return NCREModelSelector(clusterer, delta=delta, **counts)
 
 
 def refusals_of_selector(selector, recipe):
@@ -260,17 +270,25 @@ def refusals_of_selector(selector, recipe):
 
 def check_selector(selector, recipe):
     selector.fit(recipe.given())
-    counts, n_views = selector.counts_, len(recipe.graphs)
-    assert selector.min_clusters == counts[0] <= counts[-1] <= selector.max_clusters
+    counts, costs = selector.counts_, selector.costs_
+    assert selector.min_clusters <= counts[0] <= counts[-1] <= selector.max_clusters
     assert_labels(selector.labels_, recipe.n, counts[-1])
     assert selector.n_clusters_ == selector.labels_.max() + 1
-    assert np.isfinite(selector.costs_).all()
+    assert costs.shape == (len(counts), 3)
+    assert np.isfinite(costs).all()
+    chosen = selector.candidate_labels_[selector.best_index_]
+    assert_array_equal(selector.labels_, chosen)
+    if isinstance(selector, NCREModelSelector):
+        assert_costs_are_in_bounds(selector, len(recipe.graphs))
+    assert_affinities_are_clustered(selector, recipe)
+
+
+def assert_costs_are_in_bounds(selector, n_views):
     cut, error, total = selector.costs_.T
-    assert ((cut >= 0) & (cut <= n_views * counts + 1e-9)).all()
+    assert ((cut >= 0) & (cut <= n_views * selector.counts_ + 1e-9)).all()
     assert ((error >= -1e-9) & (error <= 2 * n_views + 1e-9)).all()
     assert_allclose(total, cut + selector.delta * error)
-    assert_array_equal(selector.labels_, selector.candidate_labels_[total.argmin()])
-    assert_affinities_are_clustered(selector, recipe)
+    assert selector.best_index_ == total.argmin()
 
 
 # ---------------------------------------------------------------------- MotionSegmenter
@@ -282,7 +300,9 @@ def segmenters(draw):
     return MotionSegmenter(
         draw(st.sampled_from(("auto", "auto", 1, 2, 3))),
         models=draw(models),
-        selection=draw(st.sampled_from(("description_length", "ncre"))),
+        selection=draw(
+            mostly(st.sampled_from(SELECTIONS[:2]), *map(st.just, SELECTIONS[2:]))
+        ),
         n_hypotheses=draw(st.integers(20, 50)),
         frame_gap=draw(mostly(st.just(1), st.integers(2, 4))),
         fusion=draw(st.sampled_from(FUSIONS)),
@@ -360,7 +380,7 @@ SUBJECTS = {
         check_clustering,
         0.15,
     ),
-    "NCREModelSelector": Subject(
+    "NCREModelSelector and others": Subject(
         st.tuples(selectors(), affinities()), refusals_of_selector, check_selector, 0.1
     ),
     "MotionSegmenter": Subject(
