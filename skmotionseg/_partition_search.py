@@ -126,6 +126,8 @@ def _candidates(sparse, affinity, counts, most, judge, clusterer):
         [ViewGraph.from_affinities(views, most) for views in _model_subsets(stack)]
         for stack in sparse
     ]
+    # Sparse enough, a graph joins no two tracks: it has nothing to say.
+    graphs = [[graph for graph in some if graph.n_leading > 0] for some in graphs]
     for graph in chain(*graphs):
         for count in counts[(counts > 1) & (counts <= graph.n_leading)]:
             yield _cluster(graph, int(count), affinity, clusterer)

@@ -49,7 +49,8 @@ def number_of_landmarks(n_landmarks, visibility, n_models):
         _check_memory(n_tracks, n_models)
         return n_tracks
     if n_landmarks == "auto":
-        enough = TRACKS_A_FRAME / max(visibility.mean(), 1e-9)
+        filled = visibility[:, visibility.any(axis=0)]  # empty frames have no say
+        enough = TRACKS_A_FRAME / (filled.mean() if filled.size else 1)
         enough = int(np.clip(enough, LEAST_LANDMARKS, MOST_LANDMARKS))
         return enough if n_tracks > WORTH_CHOOSING * enough else n_tracks
     if n_landmarks > n_tracks:

@@ -60,7 +60,7 @@ class TracksInput:
         """
         if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
             X = X.astype(float).filled(np.nan)  # masked is unseen
-        X = validate_data(
+        X = read_matrix(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )
         if X.shape[1] % 2 or X.shape[1] < 4:
@@ -80,6 +80,16 @@ def as_memory(memory):
     """A joblib.Memory, of one, a path or None, which remembers nothing."""
     is_path = isinstance(memory, os.PathLike)
     return check_memory(os.fspath(memory) if is_path else memory)
+
+
+def read_matrix(estimator, X, **checks):
+    """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
+
+    It looks for infinities in the sum of all numbers, and NumPy warns where there are
+    some of both signs; the error that is due is the same.
+    """
+    with np.errstate(invalid="ignore"):
+        return validate_data(estimator, X, **checks)
 
 
 def get_motion_model(name):
@@ -130,7 +140,7 @@ def read_affinities(estimator, X):
     ValueError
         If ``X`` is not made of square, symmetric, non-negative, finite blocks.
     """
-    X = validate_data(estimator, X, dtype=np.float64)
+    X = read_matrix(estimator, X, dtype=np.float64)
     check_non_negative(X, type(estimator).__name__)
     n, width = X.shape
     if width % n:

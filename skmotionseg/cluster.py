@@ -10,7 +10,7 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted, check_non_negative, validate_data
+from sklearn.utils.validation import check_is_fitted, check_non_negative
 
 from ._core.kmeans import kmeans, nearest_centres
 from ._core.selection import canonical_labels
@@ -21,7 +21,13 @@ from ._core.spectral import (
 )
 from ._parallel import thread_map
 from ._threads import single_threaded
-from ._validation import check_n_groups, get_fusion, read_affinities, split_views
+from ._validation import (
+    check_n_groups,
+    get_fusion,
+    read_affinities,
+    read_matrix,
+    split_views,
+)
 
 
 class AffinityInput:
@@ -66,7 +72,8 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
     ----------
     labels_ : ndarray of int, shape (n,)
         ``0..n_clusters - 1``, the largest motion first; -1 for a track that has no
-        affinity to another in any view.
+        affinity to another in any view. Tracks of the same affinities have the same
+        label, so there are fewer where fewer differ.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
     objective_ : ndarray of shape (``n_iter_``,)
@@ -230,7 +237,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             -1 for a row without affinity to any clustered row.
         """
         check_is_fitted(self)
-        X = validate_data(self, X, reset=False, dtype=np.float64)
+        X = read_matrix(self, X, reset=False, dtype=np.float64)
         check_non_negative(X, f"{type(self).__name__}.predict")
         rows = split_views(X, self.n_views_) * (self._degrees[:, None] > 0)
         features = cluster_features(

@@ -14,7 +14,7 @@ from sklearn.base import (
     _fit_context,
 )
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted, validate_data
+from sklearn.utils.validation import check_is_fitted
 
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
 from ._core.ranked_kernel import (
@@ -26,6 +26,7 @@ from ._core.ranked_kernel import (
     own_affinity,
 )
 from ._threads import single_threaded
+from ._validation import read_matrix
 
 
 class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):
@@ -213,7 +214,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return max(1, round(self.top * self.n_hypotheses))
 
     def _read_preferences(self, X, *, reset):
-        X = validate_data(
+        X = read_matrix(
             self,
             X,
             reset=reset,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter, defaultdict
 from contextlib import suppress
 from pathlib import Path
 
@@ -35,3 +36,20 @@ def real_data():
             "holds KT3DMoSeg, Hopkins155, Hopkins12 and MTPV62"
         )
     return folder
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say what came of the cases that hypothesis made, as tests recorded it."""
+    outcomes = defaultdict(Counter)
+    for report in terminalreporter.stats.get("passed", []):
+        for key, value in report.user_properties:
+            if key == "outcomes":
+                name, counts = value
+                outcomes[name].update(counts)
+    if not outcomes:
+        return
+    n_cases = sum(sum(counts.values()) for counts in outcomes.values())
+    terminalreporter.section(f"{n_cases} cases made by hypothesis")
+    for name, counts in outcomes.items():
+        kinds = ", ".join(f"{n} {kind}" for kind, n in counts.most_common())
+        terminalreporter.line(f"{name}: {sum(counts.values())} ({kinds})")

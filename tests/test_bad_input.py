@@ -66,6 +66,7 @@ BAD_TRACKS = {
     "nothing seen": (np.full_like(X, np.nan), ValueError, "best frame pair has 0"),
     "infinity": (changed(X, np.inf), ValueError, "infinity"),
     "minus infinity": (changed(X, -np.inf), ValueError, "infinity"),
+    "infinities": (changed(X, [-np.inf, np.inf], (0, [0, 1])), ValueError, "infinity"),
     "text": ([["a", "b", "c", "d"]] * 9, ValueError, "could not convert string"),
     "complex": (X * 1j, ValueError, "Complex data not supported"),
     "sparse": (csr_array(X), TypeError, "[Ss]parse"),
@@ -286,6 +287,11 @@ PARAMETERS = [
         "infinity",
     ),
     case(
+        "kernel, infinities of both signs",
+        lambda: ORKKernel(n_hypotheses=2).fit([[np.inf, -np.inf], [0, 0]]),
+        "infinity",
+    ),
+    case(
         "kernel, top 0",
         lambda: ORKKernel(n_hypotheses=2, top=0).fit(np.ones((5, 20))),
         "'top' parameter",
@@ -319,6 +325,9 @@ def test_bad_parameters(call, error, words, no_work):
         pytest.param(K - 0.1, "Negative values", id="negative"),
         pytest.param(changed(K, np.nan), "contains NaN", id="NaN"),
         pytest.param(changed(K, np.inf), "infinity", id="infinity"),
+        pytest.param(
+            changed(K, [-np.inf, np.inf], (0, [0, 1])), "infinity", id="infinities"
+        ),
         pytest.param(np.zeros((6, 6)), "than the 0 tracks that have", id="no edges"),
     ],
 )

@@ -14,6 +14,7 @@ from skmotionseg._core import hypotheses
 from skmotionseg._core.hypotheses import (
     draw_hypotheses,
     draw_minimal_sets,
+    fit_minimal_sets,
     residual_matrix,
 )
 from skmotionseg._core.motion_models import MOTION_MODELS
@@ -122,6 +123,30 @@ def test_hypotheses_equal_the_textbook(model):
         x, y = points[seen[:, pair]][:, pairs[pair]].transpose(1, 0, 2)
         expected = textbook.hypothesis(model.name, x, y, chosen)
         assert_same_models(found[b], expected, rtol=1e-4)
+
+
+@every_model
+def test_minimal_sets_that_are_given_are_those_that_are_fitted(model):
+    """By the positions of tracks, whichever of them a pair does not see."""
+    _, visibility, pairs = scene = tracks()
+    seen = visibility[:, pairs].all(axis=2)
+    sizes = np.repeat(seen.sum(axis=0), 5)
+    sets = draw_minimal_sets(sizes, model.minimal_size, check_random_state(0))
+    sets = sets.reshape(len(pairs), 5, -1)
+    of_tracks = [np.flatnonzero(seen[:, p])[sets[p]] for p in range(len(pairs))]
+    found = fit_minimal_sets(*scene, model, np.stack(of_tracks))
+    assert_array_equal(found, draw(scene, model, n_hypotheses=5))
+
+
+@every_model
+def test_degenerate_sets_that_are_given_are_nan(model):
+    points, _, pairs = scene = rigid_motion()
+    points[1] = points[0]  # the same track twice
+    sets = np.tile(np.arange(model.minimal_size), (len(pairs), 2, 1))
+    sets[:, 1] += 1
+    found = fit_minimal_sets(*scene, model, sets)
+    assert np.isnan(found[:, 0]).all()
+    assert np.isfinite(found[:, 1]).all()
 
 
 @every_model

@@ -77,6 +77,18 @@ def test_fewer_distinct_rows_than_clusters(n_clusters):
     assert np.isfinite(centres).all()
 
 
+@pytest.mark.parametrize("seed", range(130, 230))
+def test_equal_rows_have_the_same_label(seed):
+    """Also where there are more clusters than rows that differ."""
+    rng = np.random.default_rng(seed)
+    n_different, n_columns = rng.integers(1, 8), rng.integers(1, 30)
+    n = rng.integers(n_different + 1, 200)
+    which = rng.integers(n_different, size=n)
+    features = rng.standard_normal((n_different, n_columns))[which]
+    labels, _ = run(features, min(n, n_different + 5), n_init=3, seed=seed)
+    assert len(set(zip(which, labels, strict=True))) == len(set(which))
+
+
 def test_features_are_left_alone():
     features, _ = blobs(3)
     before = features.copy()

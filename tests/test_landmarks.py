@@ -81,6 +81,14 @@ def test_equal_tracks_can_be_chosen_among(scene):
     assert len(choose(X, 20)) == 20
 
 
+def test_frames_that_see_nothing_do_not_change_how_many_are_fitted():
+    seen = np.random.default_rng(0).uniform(size=(4000, 10)) < 0.3
+    longer = np.pad(seen, [(0, 0), (3, 5)])
+    enough = number_of_landmarks("auto", seen, 3)
+    assert 600 < enough < 1500
+    assert number_of_landmarks("auto", longer, 3) == enough
+
+
 def test_groups_give_as_many_or_all_they_have():
     labels = np.repeat([0, 1, 2, -1], [100, 50, 3, 30])
     drawn = draw_evenly(labels, 60, np.random.RandomState(0))
@@ -110,8 +118,8 @@ def test_a_small_motion_in_a_dense_scene_is_found():
     ],
 )
 def test_few_tracks_are_all_fitted_and_many_by_landmarks(n_tracks, seen, expected):
-    visibility = np.zeros((n_tracks, 20), dtype=bool)
-    visibility[:, :seen] = True
+    age = np.arange(20) - np.arange(n_tracks)[:, None]
+    visibility = age % 20 < seen
     assert number_of_landmarks("auto", visibility, 3) == expected
 
 

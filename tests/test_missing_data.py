@@ -280,6 +280,27 @@ def test_identical_tracks_get_the_same_label(noise, selection):
     assert_array_equal(labels[:80], labels[80:])
 
 
+@every_selection
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("n_motions", [2, 3, "auto"])
+def test_identical_still_tracks_get_the_same_label(selection, n_motions, seed):
+    x = np.random.default_rng(seed).uniform(0, 500, size=(8, 2))
+    X = np.tile(np.vstack([x, x[:4]]), 2)
+    segmenter = MotionSegmenter(
+        n_motions, models=MODELS[:2], selection=selection, random_state=seed
+    )
+    labels = segmenter.fit_predict(X)
+    assert_array_equal(labels[8:], labels[:4])
+
+
+@pytest.mark.parametrize("seed", [1, 9])
+def test_tracks_that_have_next_to_nothing_in_common_get_valid_labels(seed):
+    """No affinity among them outlives the epsilon-neighbourhood."""
+    X = np.random.default_rng(seed).uniform(-300, 300, size=(4, 6))
+    segmenter = MotionSegmenter(models="affine", n_hypotheses=20, random_state=0)
+    assert_valid(segmenter.fit_predict(X), 4)
+
+
 def test_pixels_far_from_the_origin(two_motions):
     X, y = two_motions
     labels = MotionSegmenter(2, **SMALL).fit_predict(X + 1e5)

@@ -123,6 +123,17 @@ def test_repeated_eigenvalues_have_orthonormal_eigenvectors(n_vectors):
     assert_allclose(N @ vectors, vectors * values, atol=1e-12)
 
 
+@pytest.mark.parametrize("n_vectors", range(1, 9))
+@pytest.mark.parametrize("n", range(2, 40))
+def test_no_eigenvector_is_lost_where_all_eigenvalues_but_one_are_equal(n, n_vectors):
+    n_vectors = min(n, n_vectors)
+    N = np.eye(n) + np.full((n, n), 1 / n)
+    values, vectors = leading_eigenvectors(N, n_vectors)
+    assert_allclose(values, [2.0] + [1.0] * (n_vectors - 1))
+    assert_allclose(vectors.T @ vectors, np.eye(n_vectors), atol=1e-12)
+    assert_allclose(N @ vectors, vectors * values, atol=1e-12)
+
+
 def test_the_largest_entry_of_an_eigenvector_is_positive():
     _, vectors = leading_eigenvectors(-normalized_affinity(random_affinity()), 10)
     largest = np.abs(vectors).argmax(axis=0)
@@ -198,15 +209,16 @@ def test_eigenvectors_of_a_perturbed_matrix_are_those_of_the_sum(n, size):
     rng = np.random.default_rng(n)
     known, other = (A + A.T for A in rng.standard_normal((2, n, n)))
     other *= size / np.sqrt(n)
-    found = leading_of_perturbed(*spectrum(known), lambda X: other @ X, 3)
-    expected = leading_eigenvectors(known + other, 3)[1]
+    values, found = leading_of_perturbed(*spectrum(known), lambda X: other @ X, 3)
+    expected_values, expected = leading_eigenvectors(known + other, 3)
+    assert_allclose(values, expected_values)
     assert_allclose(np.abs(found.T @ expected), np.eye(3), atol=1e-7)
 
 
 def test_eigenvectors_of_a_perturbed_matrix_with_equal_eigenvalues():
     n = 40
     direction = np.random.default_rng(0).standard_normal((n, 1))
-    found = leading_of_perturbed(
+    _, found = leading_of_perturbed(
         *spectrum(np.eye(n)), lambda X: direction @ (direction.T @ X), 1
     )
     assert_allclose(np.abs(found.T @ direction), np.linalg.norm(direction), rtol=1e-9)
@@ -280,6 +292,22 @@ def test_components_of_the_graph_are_recovered(fusion, n_views):
     for U in fuse(fusion, kernels).embeddings:
         rows = normalize_rows(U)
         assert_allclose(rows @ rows.T, together, atol=1e-9)
+
+
+@every_fusion
+@pytest.mark.parametrize("n_views", [1, 3])
+def test_directions_without_affinity_are_not_embedded(fusion, n_views):
+    """One group has one direction: any other would tell apart tracks that are alike."""
+    fused = fuse(fusion, np.ones((n_views, 12, 12)))
+    assert_allclose(np.abs(fused.embeddings[:, :, 0]), 12**-0.5)
+    assert_array_equal(fused.embeddings[:, :, 1:], 0)
+
+
+@every_fusion
+def test_tracks_that_are_alike_have_the_same_features(fusion):
+    kernels = views()[:, :, np.arange(24) // 2][:, np.arange(24) // 2]  # rank 12
+    features = cluster_features(fuse(fusion, kernels, 24, n_clusters=20).embeddings)
+    assert_array_equal(features[::2], features[1::2])
 
 
 @every_fusion
@@ -413,6 +441,15 @@ def test_sweeps_stop_where_the_objective_settles(fusion):
 def test_rows_have_length_one_and_zero_rows_stay():
     rows = normalize_rows(np.array([[3.0, 4.0], [0, 0], [0, -2]]))
     assert_allclose(rows, [[0.6, 0.8], [0, 0], [0, -1]])
+
+
+def test_rows_that_are_zero_but_for_rounding_have_no_features():
+    """As in a component of the graph that no eigenvector is about."""
+    U = np.linalg.qr(np.random.default_rng(0).standard_normal((9, 2)))[0]
+    U[4:] = 1e-17 * np.random.default_rng(1).standard_normal((5, 2))
+    features = cluster_features([U, U])
+    assert_allclose(np.linalg.norm(features[:4], axis=1), 1)
+    assert_array_equal(features[4:], 0)
 
 
 def test_features_put_the_views_side_by_side():

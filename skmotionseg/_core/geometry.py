@@ -95,6 +95,10 @@ def clip_geometry(points, visibility):
     -------
     ClipGeometry
     """
+    filled = np.flatnonzero(visibility.any(axis=0))
+    if len(filled) > 1:  # a clip begins and ends where something is seen
+        clip = slice(filled[0], filled[-1] + 1)
+        points, visibility = points[:, clip], visibility[:, clip]
     n_frames = visibility.shape[1]
     pairs = np.concatenate([frame_pairs(n_frames, gap) for gap in FRAME_GAPS])
     lifetime = max(1.0, np.median(visibility.sum(axis=1)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from .tracks import apply_similarity, normalization, similarity
@@ -74,22 +76,12 @@ def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state
     hypotheses = np.full((len(pairs), n_hypotheses, 3, 3), np.nan)
     if len(usable) == 0:
         return hypotheses
-    scenes = [_normalized_pair(points[seen[p]][:, pairs[p]]) for p in usable]
-    first, second, to_first, to_second = map(list, zip(*scenes, strict=True))
-    sizes = np.array([len(x) for x in first])
-    offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-    first, second = np.concatenate(first), np.concatenate(second)
+    scenes = _NormalizedPairs.from_tracks(points, seen[usable], pairs[usable])
 
     def draw(scene):  # (B,) -> (B, 3, 3)
-        sets = draw_minimal_sets(sizes[scene], model.minimal_size, random_state)
-        sets += offsets[scene, None]
-        batches = range(0, len(sets), SETS_A_BATCH)
-        return np.concatenate(
-            [
-                model.fit(first[batch], second[batch])
-                for batch in (sets[start : start + SETS_A_BATCH] for start in batches)
-            ]
-        )
+        n_available = scenes.sizes[scene]
+        sets = draw_minimal_sets(n_available, model.minimal_size, random_state)
+        return scenes.fit(model, scene, sets)
 
     scene = np.repeat(np.arange(len(usable)), n_hypotheses)
     fitted = draw(scene)
@@ -99,17 +91,96 @@ def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state
             break
         fitted[degenerate] = draw(scene[degenerate])
     fitted = fitted.reshape(len(usable), n_hypotheses, 3, 3)
-    fitted = model.change_coordinates(
-        fitted,
-        np.linalg.inv(np.stack(to_first))[:, None],
-        np.linalg.inv(np.stack(to_second))[:, None],
-    )
+    fitted = scenes.in_pixels(model, fitted)
     for s in np.flatnonzero(np.isnan(fitted[:, :, 0, 0]).any(axis=1)):
         f, g = pairs[usable[s]]
         shifts = (points[:, g] - points[:, f])[seen[usable[s]]]
         fitted[s] = _replace_degenerate(fitted[s], shifts, model, random_state)
     hypotheses[usable] = fitted
     return hypotheses
+
+
+def fit_minimal_sets(points, visibility, pairs, model, sets):
+    """Fit a motion model to minimal sets that are given.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    pairs : ndarray of int, shape (n_pairs, 2)
+    model : MotionModel
+    sets : ndarray of int, shape (n_pairs, n_sets, model.minimal_size)
+        Positions of tracks that are seen in the pair.
+
+    Returns
+    -------
+    ndarray of shape (n_pairs, n_sets, 3, 3), float64
+        Models of pixel coordinates; NaN for degenerate sets.
+    """
+    seen = visibility[:, pairs].all(axis=2).T  # (n_pairs, n_tracks)
+    scenes = _NormalizedPairs.from_tracks(points, seen, pairs)
+    n_pairs, n_sets, size = sets.shape
+    scene = np.repeat(np.arange(n_pairs), n_sets)
+    among_seen = np.cumsum(seen, axis=1) - 1
+    sets = among_seen[scene[:, None], sets.reshape(-1, size)]
+    fitted = scenes.fit(model, scene, sets).reshape(n_pairs, n_sets, 3, 3)
+    return scenes.in_pixels(model, fitted)
+
+
+@dataclass(frozen=True)
+class _NormalizedPairs:
+    """The points that both frames of each pair see, each frame normalised by itself.
+
+    Attributes
+    ----------
+    first, second : ndarray of shape (n_points, 2)
+        Those of all pairs, one pair after the other.
+    sizes, offsets : ndarray of int, shape (n_pairs,)
+        How many there are of each pair, and where they start.
+    to_first, to_second : ndarray of shape (n_pairs, 3, 3)
+        The maps that normalised them.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    sizes: np.ndarray
+    offsets: np.ndarray
+    to_first: np.ndarray
+    to_second: np.ndarray
+
+    @classmethod
+    def from_tracks(cls, points, seen, pairs):
+        """Points (n_tracks, n_frames, 2), of which each pair sees some."""
+        scenes = [
+            _normalized_pair(points[rows][:, pair])
+            for rows, pair in zip(seen, pairs, strict=True)
+        ]
+        first, second, to_first, to_second = map(list, zip(*scenes, strict=True))
+        sizes = np.array([len(x) for x in first])
+        offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+        first, second = np.concatenate(first), np.concatenate(second)
+        return cls(
+            first, second, sizes, offsets, np.stack(to_first), np.stack(to_second)
+        )
+
+    def fit(self, model, scene, sets):
+        """Models (B, 3, 3) of normalised points, of pairs (B,) and positions (B, p)."""
+        sets = sets + self.offsets[scene, None]
+        batches = range(0, len(sets), SETS_A_BATCH)
+        return np.concatenate(
+            [
+                model.fit(self.first[batch], self.second[batch])
+                for batch in (sets[start : start + SETS_A_BATCH] for start in batches)
+            ]
+        )
+
+    def in_pixels(self, model, fitted):
+        """Models (n_pairs, K, 3, 3) of pixels, given those of normalised points."""
+        return model.change_coordinates(
+            fitted,
+            np.linalg.inv(self.to_first)[:, None],
+            np.linalg.inv(self.to_second)[:, None],
+        )
 
 
 def _normalized_pair(points):

@@ -27,7 +27,7 @@ def kmeans(features, n_clusters, n_init, random_state):
     Returns
     -------
     labels : ndarray of int, shape (n,)
-        ``0..n_clusters - 1``; fewer where fewer rows differ.
+        ``0..n_clusters - 1``; fewer where fewer rows differ. Equal rows have the same.
     centres : ndarray of shape (n_clusters, d)
     """
     squares = (features**2).sum(axis=1)
@@ -46,12 +46,21 @@ def kmeans(features, n_clusters, n_init, random_state):
         )
     labels, distance = _assign(features, squares, centres)
     best = distance.sum(axis=1).argmin()
-    return labels[best], centres[best]
+    return labels[best][_first_equal_row(features)], centres[best]
 
 
 def nearest_centres(features, centres):
     """Position of the centre (n_clusters, d) that is nearest to each row (n, d)."""
     return _assign(features, (features**2).sum(axis=1), centres[None])[0][0]
+
+
+def _first_equal_row(features):
+    """Position (n,) of the first row that is equal to each.
+
+    A product may round equal rows differently, which tells where two centres are one.
+    """
+    first = {}
+    return np.array([first.setdefault(x.tobytes(), i) for i, x in enumerate(features)])
 
 
 def _assign(features, squares, centres):

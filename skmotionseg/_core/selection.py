@@ -144,5 +144,7 @@ def reconstruction_error(affinity, labels):
         Between 0 and 2.
     """
     X = indicator(labels)
+    largest = affinity.max(initial=0)
+    affinity = affinity / (largest if largest > 0 else 1)  # squares must not overflow
     norms = np.sqrt(np.sum(X.sum(axis=0) ** 2)) * np.linalg.norm(affinity)
     return float(2 - 2 * np.sum(X * (affinity @ X)) / norms) if norms > 0 else 2.0

@@ -20,6 +20,13 @@ import scipy.linalg
 EXTRA_VECTORS = 8
 # Length of the residual at which an eigenvector is found.
 EIGENVECTOR_TOLERANCE = 1e-9
+# Eigenvalues up to this are none: their directions say nothing about the tracks.
+NO_EIGENVALUE = 1e-10
+# Rows of orthonormal columns up to this length are zero but for rounding: tracks of a
+# component of the graph that no column is about.
+NO_LENGTH = 1e-10
+# Decimals of the features: rows that differ by rounding alone are the same to k-means.
+FEATURE_DECIMALS = 9
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ class Fusion:
     Attributes
     ----------
     embeddings : ndarray of shape (n_views, n, n_clusters)
-        Orthonormal columns.
+        Orthonormal columns; zero for directions that no affinity supports.
     objective : ndarray of shape (n_sweeps + 1,)
         The cost of the views by themselves, and after each sweep over them.
     """
@@ -151,6 +158,10 @@ def leading_eigenvectors(matrix, n_vectors):
         matrix, subset_by_index=[n - n_vectors, n - 1], driver="evx"
     )
     values, vectors = values[::-1], vectors[:, ::-1]
+    if len(values) < n_vectors:
+        # Bisection lost count of equal eigenvalues; LAPACK's cure is to find them all.
+        values, vectors = spectrum(matrix)
+        values, vectors = values[:n_vectors], vectors[:, :n_vectors]
     largest = np.abs(vectors).argmax(axis=0)
     return values, vectors * np.sign(vectors[largest, np.arange(n_vectors)])
 
@@ -179,7 +190,9 @@ def leading_of_perturbed(values, vectors, perturb, n_vectors):
 
     Returns
     -------
-    ndarray of shape (n, n_vectors)
+    values : ndarray of shape (n_vectors,)
+        The largest first.
+    vectors : ndarray of shape (n, n_vectors)
     """
     n = len(values)
     n_exact = min(n, 2 * n_vectors + EXTRA_VECTORS)
@@ -193,7 +206,7 @@ def leading_of_perturbed(values, vectors, perturb, n_vectors):
         residual = values[:, None] * found + image @ mixture - found * ritz
         open_ = np.linalg.norm(residual, axis=0) > EIGENVECTOR_TOLERANCE
         if basis.shape[1] + open_.sum() > n or not open_.any():
-            return vectors @ found
+            return ritz, vectors @ found
         distance = np.maximum(ritz[open_] - values[:, None], EIGENVECTOR_TOLERANCE)
         new = residual[:, open_] / distance
         new[:n_exact] = 0
@@ -204,10 +217,20 @@ def leading_of_perturbed(values, vectors, perturb, n_vectors):
         image = np.hstack([image, vectors.T @ perturb(vectors @ new)])
 
 
+def supported_directions(values, vectors):
+    """Eigenvectors (n, k) with zeros for those whose eigenvalue (k,) is not positive.
+
+    Where fewer directions than clusters carry affinity, the others are any basis of
+    what is left, in which even tracks that are alike to the last bit differ.
+    """
+    return vectors * (values > NO_EIGENVALUE)
+
+
 def normalize_rows(matrix):
-    """Rows of length 1; zero rows stay zero."""
+    """Rows of length 1; rows that are zero but for rounding are zero."""
     length = np.linalg.norm(matrix, axis=-1, keepdims=True)
-    return np.divide(matrix, length, out=np.zeros_like(matrix), where=length > 0)
+    there = length > NO_LENGTH
+    return np.divide(matrix, length, out=np.zeros_like(matrix), where=there)
 
 
 def cluster_features(embeddings):
@@ -220,8 +243,10 @@ def cluster_features(embeddings):
     Returns
     -------
     ndarray of shape (n, n_views * n_clusters)
+        Rounded, so that tracks that are alike have the same row.
     """
-    return normalize_rows(np.hstack([normalize_rows(U) for U in embeddings]))
+    features = normalize_rows(np.hstack([normalize_rows(U) for U in embeddings]))
+    return np.round(features, FEATURE_DECIMALS) + 0.0  # no negative zeros
 
 
 # ---------------------------------------------------------------------- fusions
@@ -245,7 +270,8 @@ def kernel_addition(graph, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=
     """
     values, vectors = graph.sum_spectrum
     n_views = len(graph.normalized)
-    embeddings = np.stack([vectors[:, :n_clusters]] * n_views)
+    leading = supported_directions(values[:n_clusters], vectors[:, :n_clusters])
+    embeddings = np.stack([leading] * n_views)
     cost = n_views * n_clusters - values[:n_clusters].sum()
     return Fusion(embeddings, np.array([cost]))
 
@@ -338,11 +364,17 @@ FUSIONS: dict[str, Callable[..., Fusion]] = {
 
 def _alternate(graph, n_clusters, pull, cost, max_iter, tol):
     """Sweep over the views until the cost settles; one view needs no sweep."""
-    U = np.stack([vectors[:, :n_clusters] for _, vectors in graph.view_spectra])
+    U = np.stack(
+        [
+            supported_directions(values[:n_clusters], vectors[:, :n_clusters])
+            for values, vectors in graph.view_spectra
+        ]
+    )
     objective = [cost(U)]
     for _ in range(max_iter if len(U) > 1 else 0):
         for v, view in enumerate(graph.view_spectra):
-            U[v] = leading_of_perturbed(*view, pull(v, U), n_clusters)
+            leading = leading_of_perturbed(*view, pull(v, U), n_clusters)
+            U[v] = supported_directions(*leading)
         objective.append(cost(U))
         if abs(objective[-2] - objective[-1]) < tol * n_clusters:
             break
