@@ -27,11 +27,50 @@ NOISE_LEVELS = 2e-4 * 2.0 ** np.arange(5)
 
 
 @dataclass(frozen=True)
+class WorkingFrames:
+    """Frame pairs that are looked at, and the coordinates in which they are.
+
+    Attributes
+    ----------
+    pairs : ndarray of int, shape (n_pairs, 2)
+    centres : ndarray of shape (n_frames, 2)
+        Pixels; the origin in each frame.
+    scale : float
+        Pixels a working unit.
+    """
+
+    pairs: np.ndarray
+    centres: np.ndarray
+    scale: float
+
+    def observe(self, points, visibility):
+        """Where tracks are in the pairs that see them.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n_tracks, n_frames, 2)
+        visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+        Returns
+        -------
+        seen : ndarray of bool, shape (n_pairs, n_tracks)
+        x, y : ndarray of shape (n_observations, 2)
+            Where ``seen`` is true, pair by pair, in working units.
+        """
+        points = ((points - self.centres) / self.scale).swapaxes(0, 1)
+        seen = visibility.T[self.pairs].all(axis=1)
+        pair, track = np.nonzero(seen)
+        first, second = self.pairs[pair].T
+        return seen, points[first, track], points[second, track]
+
+
+@dataclass(frozen=True)
 class ClipGeometry:
     """The tracks of a clip in the frame pairs that are looked at.
 
     Attributes
     ----------
+    frames : WorkingFrames
     seen : ndarray of bool, shape (n_pairs, n_tracks)
     pair, track : ndarray of int, shape (n_observations,)
         Where ``seen`` is true, pair by pair.
@@ -46,6 +85,7 @@ class ClipGeometry:
         distant frames follows from those between, so it must not be paid for again.
     """
 
+    frames: WorkingFrames
     seen: np.ndarray
     pair: np.ndarray
     track: np.ndarray
@@ -95,25 +135,29 @@ def clip_geometry(points, visibility):
     -------
     ClipGeometry
     """
+    frames = _working_frames(points, visibility)
+    seen, x, y = frames.observe(points, visibility)
+    pair, track = np.nonzero(seen)
+    ends = np.cumsum(seen.sum(axis=1))[:-1]
+    log_range = np.array([_log_range(moved) for moved in np.split(y - x, ends)])
+    share = min(1, np.ptp(frames.pairs) / len(frames.pairs))
+    return ClipGeometry(frames, seen, pair, track, x, y, log_range, share)
+
+
+def _working_frames(points, visibility):
     filled = np.flatnonzero(visibility.any(axis=0))
-    if len(filled) > 1:  # a clip begins and ends where something is seen
-        clip = slice(filled[0], filled[-1] + 1)
-        points, visibility = points[:, clip], visibility[:, clip]
-    n_frames = visibility.shape[1]
+    # A clip begins and ends where something is seen.
+    first, last = (
+        (filled[0], filled[-1]) if len(filled) > 1 else (0, len(visibility.T) - 1)
+    )
+    n_frames = last + 1 - first
     pairs = np.concatenate([frame_pairs(n_frames, gap) for gap in FRAME_GAPS])
     lifetime = max(1.0, np.median(visibility.sum(axis=1)))
     most = MAX_PAIRS * max(1, int(n_frames / lifetime))
     if len(pairs) > most:
         pairs = pairs[np.linspace(0, len(pairs) - 1, most).astype(int)]
     centres, scale = working_coordinates(points, visibility)
-    points = ((points - centres) / scale).swapaxes(0, 1)  # (n_frames, n_tracks, 2)
-    seen = visibility.T[pairs].all(axis=1)
-    pair, track = np.nonzero(seen)
-    x, y = points[pairs[pair, 0], track], points[pairs[pair, 1], track]
-    ends = np.cumsum(seen.sum(axis=1))[:-1]
-    log_range = np.array([_log_range(moved) for moved in np.split(y - x, ends)])
-    share = min(1, (n_frames - 1) / len(pairs))
-    return ClipGeometry(seen, pair, track, x, y, log_range, share)
+    return WorkingFrames(pairs + first, centres, scale)
 
 
 def _log_range(displacements):
