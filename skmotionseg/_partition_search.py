@@ -10,7 +10,9 @@ import numpy as np
 from ._core.geometry import clip_geometry
 from ._core.judging import Judge
 from ._core.merging import merge_path
+from ._core.motions import Explanation, explained, fit_motions, usual
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
+from ._core.refinement import merged, moved, refine, split
 from ._core.selection import canonical_labels, nearest_labels
 from ._core.spectral import ViewGraph, connected_tracks
 
@@ -35,22 +37,32 @@ class PartitionSearch:
         -1 for tracks without affinity to another.
     best : int
         Position of the count that was chosen.
+    explanation : Explanation or None
+        Of the chosen partition, if outliers are to be rejected.
     """
 
     counts: np.ndarray
     costs: np.ndarray
     labels: np.ndarray
     best: int
+    explanation: Explanation | None = None
 
 
-def search_partitions(points, visibility, views, counts, sparsity, clusterer):
+def search_partitions(
+    points, visibility, views, counts, sparsity, clusterer, reject_outliers=True
+):
     """Find the best partition for each of several numbers of motions.
 
     Candidates are spectral clusterings for several sparsities, with and without the
     simplest motion model, and what is left when an over-segmentation is merged step by
     step. A candidate costs the nats an observation that its motions take to describe,
     each by a fundamental matrix a frame pair, plus its weighted normalised cut. The
-    count of least cost is chosen, of those in which all motions gain from being apart.
+    count of least cost is chosen, of those in which all motions gain from being apart,
+    and its partition is refined until the cost falls no more.
+
+    Rubbish would be judged, too, and make the background look badly described. So
+    tracks that no piece of an over-segmentation explains are left out and only get the
+    label of what they are nearest to.
 
     Parameters
     ----------
@@ -64,6 +76,7 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
         Exponent of the epsilon-neighbourhood; "auto" tries several.
     clusterer : MultiModelSpectralClustering
         Gives fusion, weights and seed; its ``n_clusters`` is ignored.
+    reject_outliers : bool, default=True
 
     Returns
     -------
@@ -72,41 +85,162 @@ def search_partitions(points, visibility, views, counts, sparsity, clusterer):
     connected = connected_tracks(views)
     views = views[:, connected[:, None], connected]
     sparsities = SPARSITIES if sparsity == "auto" else (sparsity,)
-    most = max(int(counts[-1]), min(OVERSEGMENTATION, len(connected)))
-    sparse = [_sparse_views(views, alpha) for alpha in sparsities]
-    geometry = clip_geometry(points[connected], visibility[connected])
-    judge = Judge(geometry, sparse[-1])
-    mean_affinity = views.mean(axis=0)
+    clip = _Clip(points[connected], visibility[connected], views, sparsities)
+    judged, pieces = np.arange(len(connected)), None
+    if reject_outliers:
+        pieces = _fit_pieces(clip, clusterer)
+        judged = _worth_judging(clip, pieces, counts)
+    whole, clip = clip, clip if len(judged) == len(connected) else clip[judged]
+    best = _best_by_count(clip, counts, clusterer)
+    chosen = _choose(best, clip.judge)
+    if len(counts) > 1 or counts[0] > 1:
+        refined = _refine(best[chosen][1], clip, counts, clusterer)
+        chosen = int(refined.max()) + 1
+        best[chosen] = (clip.judge.cost(refined), refined)
+    found = sorted(best)
+    labels = np.full((len(found), len(points)), -1)
+    labels[:, connected] = [_spread(whole, judged, best[count][1]) for count in found]
+    explanation = None
+    if reject_outliers:
+        explanation = _explain(clip, best[chosen][1], pieces)
+    return PartitionSearch(
+        np.array(found),
+        np.array([best[count][0] for count in found]),
+        labels,
+        found.index(chosen),
+        explanation,
+    )
+
+
+class _Clip:
+    """The tracks of a clip, their affinities, and what partitions of them cost."""
+
+    def __init__(self, points, visibility, views, sparsities):
+        self.points, self.visibility = points, visibility
+        self.views, self.sparsities = views, sparsities
+        self.affinity = views.mean(axis=0)
+        self.sparse = [_sparse_views(views, alpha) for alpha in sparsities]
+        self.geometry = clip_geometry(points, visibility)
+        self.judge = Judge(self.geometry, self.sparse[-1])
+
+    def __getitem__(self, tracks):
+        views = self.views[:, tracks[:, None], tracks]
+        return _Clip(
+            self.points[tracks], self.visibility[tracks], views, self.sparsities
+        )
+
+    def distances(self, motions):
+        """Distances (M, n) of the tracks from motions."""
+        return motions.distances(self.points, self.visibility)
+
+
+def _fit_pieces(clip, clusterer):
+    """The pieces of an over-segmentation: labels, motions, and which are usual ones."""
+    graph = ViewGraph.from_affinities(
+        clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
+    )
+    labels = np.zeros(len(clip.points), dtype=int)
+    if graph.n_leading > 1:
+        labels = _cluster(graph, graph.n_leading, clip.affinity, clusterer)
+    motions = fit_motions(clip.geometry, labels, clip.affinity)
+    return motions[usual(motions.noise, labels)]
+
+
+def _worth_judging(clip, pieces, counts):
+    """Positions of the tracks that a piece explains; all, if these are too few."""
+    kept = np.flatnonzero(explained(pieces, clip.distances(pieces)).any(axis=0))
+    enough = len(kept) >= max(counts[-1], len(clip.points) / 2)
+    return kept if enough else np.arange(len(clip.points))
+
+
+def _best_by_count(clip, counts, clusterer):
+    """The cheapest partition of each number of motions: {count: (cost, labels)}."""
     best, tried = {}, set()
-    for labels in _candidates(sparse, mean_affinity, counts, most, judge, clusterer):
+    for labels in _candidates(clip, counts, clusterer):
         if labels.tobytes() in tried:
             continue
         tried.add(labels.tobytes())
-        count = labels.max() + 1
-        cost = judge.cost(labels)
+        count = int(labels.max()) + 1
+        cost = clip.judge.cost(labels)
         if count not in best or cost.total < best[count][0].total:
             best[count] = (cost, labels)
     # Identical tracks may give fewer groups than were asked for.
-    found = np.array([count for count in counts if count in best] or [max(best)])
-    costs = np.array([best[count][0] for count in found])
-    partitions = [best[count][1] for count in found]
-    everything = np.full((len(found), len(points)), -1)
-    everything[:, connected] = [canonical_labels(labels) for labels in partitions]
-    return PartitionSearch(found, costs, everything, _choose(costs, partitions, judge))
+    return {int(n): best[n] for n in counts if n in best} or {
+        max(best): best[max(best)]
+    }
 
 
-def _choose(costs, partitions, judge):
-    """Position of the cheapest partition whose motions gain; else the first.
+def _spread(clip, judged, labels):
+    """Labels of all tracks of a clip, given those of some that were judged."""
+    everything = np.full(len(clip.points), -1)
+    everything[judged] = labels
+    others = np.setdiff1d(np.arange(len(clip.points)), judged)
+    everything[others] = nearest_labels(clip.affinity[np.ix_(others, judged)], labels)
+    return everything
+
+
+def _refine(labels, clip, counts, clusterer):
+    """A partition that is not dearer: tracks moved, motions merged or split.
+
+    Motions that gain from being apart are not merged, whatever the cost.
+    """
+
+    def changes(labels):
+        motions = fit_motions(clip.geometry, labels, clip.affinity)
+        relative = clip.distances(motions) / motions.limits[:, None]
+        return chain(
+            moved(labels, relative),
+            merged(labels) if mergeable(labels) else (),
+            split(labels, bisect) if labels.max() + 2 <= counts[-1] else (),
+        )
+
+    def mergeable(labels):
+        return labels.max() >= counts[0] and not clip.judge.each_gains(labels)
+
+    def bisect(group):
+        views = clip.sparse[-1][:, group[:, None], group]
+        graph = ViewGraph.from_affinities(views, 2)
+        if graph.n_leading < 2:
+            return None
+        affinity = clip.affinity[np.ix_(group, group)]
+        return _cluster(graph, 2, affinity, clusterer) == 1
+
+    def gaining(changes):
+        return (
+            canonical_labels(new)
+            for new in changes
+            if len(counts) == 1 or clip.judge.each_gains(new)
+        )
+
+    return refine(
+        labels,
+        lambda labels: clip.judge.cost(labels).total,
+        lambda labels: gaining(changes(labels)),
+    )
+
+
+def _explain(clip, labels, pieces):
+    """Motions of a partition, and after them those of pieces that it has lost."""
+    motions = fit_motions(clip.geometry, labels, clip.affinity)
+    lost = ~explained(motions, clip.distances(motions)).any(axis=0)
+    by_piece = clip.distances(pieces) / pieces.limits[:, None]
+    nearest = np.where(np.isnan(by_piece), np.inf, by_piece).argmin(axis=0)
+    members = np.bincount(nearest, minlength=len(by_piece))
+    spare = 2 * np.bincount(nearest[lost], minlength=len(by_piece)) > members
+    return Explanation(motions, pieces[spare])
+
+
+def _choose(best, judge):
+    """The count of the cheapest partition whose motions gain; else the least.
 
     Of equal costs, as of groups that are never seen together, the larger count.
     """
-    if len(costs) == 1:
-        return 0
-    order = np.lexsort((-np.arange(len(costs)), np.round(costs[:, 2], 9)))
-    for position in order:
-        if judge.each_gains(partitions[position]):
-            return int(position)
-    return 0
+    for count in sorted(
+        best, key=lambda count: (round(best[count][0].total, 9), -count)
+    ):
+        if judge.each_gains(best[count][1]):
+            return count
+    return min(best)
 
 
 def _sparse_views(views, alpha):
@@ -117,24 +251,26 @@ def _sparse_views(views, alpha):
     return np.stack(sparse)
 
 
-def _candidates(sparse, affinity, counts, most, judge, clusterer):
+def _candidates(clip, counts, clusterer):
     """Yield partitions (n,) of all tracks, some of them more than once."""
-    yield np.zeros(len(affinity), dtype=int)
+    n_tracks = len(clip.points)
+    yield np.zeros(n_tracks, dtype=int)
     if counts[-1] == 1:
         return
+    most = max(int(counts[-1]), min(OVERSEGMENTATION, n_tracks))
     graphs = [
         [ViewGraph.from_affinities(views, most) for views in _model_subsets(stack)]
-        for stack in sparse
+        for stack in clip.sparse
     ]
     # Sparse enough, a graph joins no two tracks: it has nothing to say.
     graphs = [[graph for graph in some if graph.n_leading > 0] for some in graphs]
     for graph in chain(*graphs):
         for count in counts[(counts > 1) & (counts <= graph.n_leading)]:
-            yield _cluster(graph, int(count), affinity, clusterer)
+            yield _cluster(graph, int(count), clip.affinity, clusterer)
     for graph in graphs[-1]:
-        oversegmented = _cluster(graph, graph.n_leading, affinity, clusterer)
+        oversegmented = _cluster(graph, graph.n_leading, clip.affinity, clusterer)
         yield from merge_path(
-            oversegmented, affinity, judge.lengths[0], max(2, int(counts[0]))
+            oversegmented, clip.affinity, clip.judge.lengths[0], max(2, int(counts[0]))
         )
 
 

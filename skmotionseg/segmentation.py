@@ -91,6 +91,12 @@ default="description_length"
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
         Numbers to choose from when ``n_motions="auto"``.
+    reject_outliers : bool, default=True
+        Whether a track that no motion explains gets -1, for
+        ``selection="description_length"``; the other rules keep all tracks. Motions are
+        fitted to those of their tracks that they explain best, and explain what stays
+        within five standard deviations of their noise (half a pixel in 640 x 480, if it
+        is less).
     n_landmarks : int, "auto" or None, default="auto"
         Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
         all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
@@ -114,8 +120,9 @@ default="description_length"
     Attributes
     ----------
     labels_ : ndarray of int, shape (n_tracks,)
-        ``0..n_motions_ - 1``, the largest motion first; -1 for a track that shares no
-        preference with another, such as one that is seen in a single frame.
+        ``0..n_motions_ - 1``, the largest motion first; -1 for a track that no motion
+        explains, or that shares no preference with another, such as one that is seen in
+        a single frame.
     n_motions_ : int
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
@@ -146,9 +153,6 @@ default="description_length"
     -----
     Tracks that are never seen together, not even through others, cannot be told to
     move alike: unless ``n_motions`` forbids it, they end up in motions of their own.
-
-    Outliers are not rejected: a track that fits no motion goes to the one it is nearest
-    to.
 
     In a grid search, give ``scoring``, such as
     ``make_scorer(misclassification_error, greater_is_better=False)``.
@@ -191,6 +195,7 @@ default="description_length"
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
+        "reject_outliers": ["boolean"],
         "n_landmarks": [
             Interval(Integral, 1, None, closed="left"),
             StrOptions({"auto"}),
@@ -222,6 +227,7 @@ default="description_length"
         delta: float = 0.2,
         min_motions: int = 1,
         max_motions: int = 10,
+        reject_outliers: bool = True,
         n_landmarks: int | str | None = "auto",
         batch_size: int | str = "auto",
         memory: str | os.PathLike[str] | Memory | None = None,
@@ -242,6 +248,7 @@ default="description_length"
         self.delta = delta
         self.min_motions = min_motions
         self.max_motions = max_motions
+        self.reject_outliers = reject_outliers
         self.n_landmarks = n_landmarks
         self.batch_size = batch_size
         self.memory = memory
@@ -303,7 +310,12 @@ default="description_length"
         )
         placing = time.perf_counter()
         self.counts_, self.costs_ = search.counts, search.costs
-        self.candidate_labels_ = self._label_all(tracks, search.labels)
+        candidates = self._label_all(tracks, search.labels)
+        labels, self._explanation = _explained(
+            points, visibility, candidates[search.best], search.explanation
+        )
+        candidates[search.best] = labels
+        self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
         self.labels_ = self.candidate_labels_[search.best]
         self.n_motions_ = int(self.labels_.max()) + 1
         done = time.perf_counter()
@@ -320,12 +332,12 @@ default="description_length"
     def _label_all(self, tracks, labels):
         """Labels (n_partitions, n_tracks), given those of the landmarks."""
         if len(tracks) == len(self.landmarks_):
-            return labels
+            return labels.copy()
         everything = np.empty((len(labels), len(tracks)), dtype=labels.dtype)
         everything[:, self.landmarks_] = labels
         others = np.setdiff1d(np.arange(len(tracks)), self.landmarks_)
         everything[:, others] = self._place(tracks[others], labels)
-        return np.stack([canonical_labels(partition) for partition in everything])
+        return everything
 
     def _place(self, tracks, labels):
         return place_tracks(
@@ -398,6 +410,7 @@ default="description_length"
             np.arange(fewest, most + 1),
             self.sparsity,
             clusterer,
+            self.reject_outliers,
         )
 
     def _make_selector(self, clusterer, fewest, most):
@@ -425,8 +438,32 @@ default="description_length"
             -1 for a track that shares no preference with a fitted one.
         """
         check_is_fitted(self)
-        tracks = pack_tracks(self._read_tracks(X, reset=False)[0])
-        return self._place(tracks, self.labels_[None, self.landmarks_])[0]
+        points, visibility = self._read_tracks(X, reset=False)
+        tracks = pack_tracks(points)
+        labels = self._place(tracks, self.labels_[None, self.landmarks_])[0]
+        return _reject(points, visibility, labels, self._explanation)
+
+
+def _explained(points, visibility, labels, explanation):
+    """Labels without outliers, and the explanation in the order that they will get."""
+    labels = _reject(points, visibility, labels, explanation)
+    if explanation is not None:
+        canonical = canonical_labels(labels)
+        order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
+        explanation = explanation.reordered(order)
+    return labels, explanation
+
+
+def _reject(points, visibility, labels, explanation):
+    """Labels with -1 for tracks that nothing explains."""
+    if explanation is None:
+        return labels
+    placed = labels >= 0
+    labels = labels.copy()
+    labels[placed] = explanation.reject(
+        points[placed], visibility[placed], labels[placed]
+    )
+    return labels
 
 
 def _make_clusterer(

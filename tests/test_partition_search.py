@@ -7,7 +7,7 @@ import pytest
 
 from skmotionseg import MotionSegmenter
 from skmotionseg._core.geometry import clip_geometry
-from skmotionseg._core.judging import CUT_WEIGHT, GroupLengths, Judge
+from skmotionseg._core.judging import CUT_WEIGHT, Cost, GroupLengths, Judge
 from skmotionseg._core.selection import cuts_between, nearest_labels, normalized_cut
 from skmotionseg._core.tracks import unpack_tracks
 from skmotionseg._partition_search import _choose
@@ -73,9 +73,10 @@ def test_a_partition_is_chosen_only_if_its_motions_gain(judged):
     assert judge.each_gains(y)
     assert not judge.each_gains(torn)
     assert judge.each_gains(one)  # there is no pair
-    costs = np.array([[0, 0, 3.0], [0.02, 0, 2.0], [0.02, 0, 1.0]])
-    assert _choose(costs, [one, y, torn], judge) == 1
-    assert _choose(costs[2:], [torn], judge) == 0  # the smallest, if none gains
+    best = {1: one, 3: y, 4: torn}
+    best = {n: (Cost(0, 5 - n, 5 - n), labels) for n, labels in best.items()}
+    assert _choose(best, judge) == 3
+    assert _choose({4: best[4]}, judge) == 4  # the smallest, if none gains
 
 
 def test_a_gain_is_that_of_the_pairs_in_which_both_have_a_model():

@@ -1,5 +1,8 @@
 """The motions of a partition, and the tracks that they explain.
 
+Rubbish shows from one frame to the next; over more frames, what drifts a little or is
+not quite rigid is far from its motion, too. So this looks at consecutive frames only.
+
 A motion is fitted to those of its tracks that it explains best, so that it stays what
 it is when nearly half of the tracks that were given to it are rubbish.
 """
@@ -23,6 +26,8 @@ CONCENTRATIONS = 3
 # taken to be half a pixel (in 640 x 480) at least: on precise tracks, what is left is
 # not noise but what a model leaves out. See ``benchmarks/sensitivity.py``.
 LIMIT = 5.0
+# Motions this much noisier than that of the median track are none.
+USUAL_NOISE = 4.0
 # Standard deviations in a median of absolute values, for Gaussian noise.
 OF_MEDIAN = 1.4826
 
@@ -43,6 +48,10 @@ class Motions:
     frames: WorkingFrames
     fundamental: np.ndarray
     noise: np.ndarray
+
+    def __getitem__(self, chosen):
+        """Some of the motions."""
+        return Motions(self.frames, self.fundamental[chosen], self.noise[chosen])
 
     @property
     def limits(self):
@@ -91,6 +100,7 @@ def fit_motions(geometry, labels, affinity):
     -------
     Motions
     """
+    geometry = geometry.consecutive()
     fits = [
         _fit_motion(geometry, group, affinity[np.ix_(group, group)])
         for group in groups_of(labels)
@@ -136,26 +146,84 @@ def _medians(seen, distances):
     return np.where(counts > 0, middle, np.nan)
 
 
-def explained_labels(motions, distances, labels):
-    """Labels of what the motions explain: tracks stay, move or are rejected.
+def usual(noise, labels):
+    """Which motions are no noisier than motions of these tracks usually are.
 
-    A track that its motion does not explain goes to the one that explains it best, or
-    is an outlier if none does. One that cannot be judged stays.
+    A group of rubbish has a fundamental matrix, too, but far from its tracks. As long
+    as rubbish is not the rule, it is much farther than that of the median track.
+
+    Parameters
+    ----------
+    noise : ndarray of shape (M,)
+    labels : ndarray of int, shape (n,)
+
+    Returns
+    -------
+    ndarray of bool, shape (M,)
+    """
+    noise = np.maximum(noise, ROBUST_SCALE)
+    return noise <= USUAL_NOISE * np.median(noise[labels])
+
+
+def explained(motions, distances):
+    """Which tracks each motion explains.
 
     Parameters
     ----------
     motions : Motions
     distances : ndarray of shape (M, n)
-    labels : ndarray of int, shape (n,)
 
     Returns
     -------
-    ndarray of int, shape (n,)
-        -1 for outliers.
+    ndarray of bool, shape (M, n)
+        True, too, for tracks that no motion can judge.
     """
-    relative = distances / motions.limits[:, None]
-    own = relative[labels, np.arange(len(labels))]
-    stays = ~(own > 1) | (labels < 0)
-    relative = np.where(np.isnan(relative), np.inf, relative)
-    nearest = np.where(relative.min(axis=0) <= 1, relative.argmin(axis=0), -1)
-    return np.where(stays, labels, nearest)
+    unjudged = np.isnan(distances).all(axis=0)
+    return (distances <= motions.limits[:, None]) | unjudged
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """The motions that were found, and pieces of what was not.
+
+    Attributes
+    ----------
+    motions : Motions
+    spare : Motions
+        Of pieces most of whose tracks no motion explains. They are no rubbish, for they
+        have a motion in common; but it was not worth its number.
+    """
+
+    motions: Motions
+    spare: Motions
+
+    def reject(self, points, visibility, labels):
+        """Labels with -1 for the tracks that nothing explains.
+
+        A track that its own motion does not explain, but another, stays what it is: a
+        fundamental matrix leaves a line free, and neighbours had a say.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+        labels : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        distances = self.motions.distances(points, visibility)
+        own = distances[labels, np.arange(len(labels))]
+        unexplained = ~np.isnan(own) & ~explained(self.motions, distances).any(axis=0)
+        left = np.flatnonzero(unexplained)
+        if len(left) and len(self.spare.noise):
+            distances = self.spare.distances(points[left], visibility[left])
+            left = left[~explained(self.spare, distances).any(axis=0)]
+        labels = labels.copy()
+        labels[left] = -1
+        return labels
+
+    def reordered(self, order):
+        """The same with the motions in another order."""
+        return Explanation(self.motions[order], self.spare)
