@@ -215,6 +215,15 @@ def test_every_step_of_a_merge_joins_two_groups():
         assert after.max() == before.max() - 1
 
 
+def test_tracks_of_no_group_stay_so_in_every_merge():
+    geometry, _ = geometry_of(n_tracks=60, n_frames=6, random_state=0)
+    pieces = np.arange(60) % 5 - 1
+    alone = pieces == -1
+    for labels in merge_path(pieces, np.ones((60, 60)), GroupLengths(geometry), 1):
+        assert set(labels[alone]) == {-1}
+        assert set(labels[~alone]) == set(range(labels.max() + 1))
+
+
 def test_lengths_are_computed_once(monkeypatch):
     geometry, y = geometry_of(n_tracks=60, n_frames=4, random_state=0)
     calls, nothing = [], DescriptionLength(np.zeros(1), 0.0, np.zeros(1, dtype=bool))

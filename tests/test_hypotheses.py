@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from itertools import combinations
 
 import numpy as np
@@ -391,3 +392,20 @@ def test_the_residuals_of_a_track_do_not_depend_on_its_company(model):
             points[rows], visibility[rows], pairs, found, model, centres, scale
         )
         assert_array_equal(few, whole[rows])
+
+
+@every_model
+def test_errors_as_large_as_single_precision_has_them_stay_finite(model):
+    """In pixels, where an image of working size 1 is ten thousand wide."""
+    points, visibility, pairs = tracks(n_frames=2)
+    found = draw((points, visibility, pairs), model)
+
+    def huge(models, x, y):
+        return np.full((*x.shape[:-1], len(models)), 3e38, dtype=np.float32)
+
+    model = dataclasses.replace(model, residuals=huge)
+    centres = np.zeros((2, 2))
+    R = residual_matrix(points, visibility, pairs, found, model, centres, 1e4)
+    seen = visibility.all(axis=1)
+    assert np.isfinite(R[seen]).all()
+    assert (R[seen] > 1e38).all()

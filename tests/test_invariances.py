@@ -294,7 +294,7 @@ def test_the_segmentation_is_the_same(name, n_motions, selection, hand_over):
     before = segment(points, n_motions, selection)
     hand_over(change)
     after = segment(change.tracks(points, visibility)[0], n_motions, selection)
-    assert before.n_motions_ == 3
+    assert before.n_motions_ > 1
     assert_same_partition(after.labels_, change.rows(before.labels_))
 
 

@@ -340,6 +340,19 @@ def test_the_scale_of_a_projective_model_means_nothing(model, factor, rng):
     assert_allclose(model.residuals(factor * models, x, y), expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("model", [HOMOGRAPHY, FUNDAMENTAL], ids=lambda m: m.name)
+@pytest.mark.parametrize("factor", [2.0**-80, 2.0**80])
+def test_models_of_any_scale_have_their_residuals_in_single_precision(
+    model, factor, rng
+):
+    M, x, y = (
+        array.astype(np.float32)
+        for array in (rng.normal(size=(5, 3, 3)), *rng.normal(size=(2, 9, 2)))
+    )
+    scaled = M * np.float32(factor)
+    assert_array_equal(model.residuals(scaled, x, y), model.residuals(M, x, y))
+
+
 def test_swapping_the_frames_transposes_a_fundamental_matrix(rng):
     F = FUNDAMENTAL.fit(*random_sets(rng, 8))
     x, y = rng.normal(size=(2, 10, 2))

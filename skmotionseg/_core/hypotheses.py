@@ -224,6 +224,9 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
     residuals : ndarray of shape (n_seen, n_hypotheses), float32
         In squared pixels.
     """
+    unit = np.float32(scale**2)
+    # Near the pole of a homography an error may be as large as single precision has it.
+    largest = np.float32(np.finfo(np.float32).max / (2 * max(1.0, scale**2)))
     for (f, g), models in zip(pairs, hypotheses, strict=True):
         rows = np.flatnonzero(visibility[:, f] & visibility[:, g])
         if np.isnan(models[0, 0, 0]):
@@ -235,11 +238,9 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
         residuals = np.empty((*x.shape[:2], len(models)), dtype=np.float32)
         for start in range(0, len(x), BLOCKS_A_BATCH):
             batch = slice(start, start + BLOCKS_A_BATCH)
-            np.multiply(
-                model.residuals(local, x[batch], y[batch]),
-                np.float32(scale**2),
-                out=residuals[batch],
-            )
+            errors = model.residuals(local, x[batch], y[batch])
+            np.minimum(errors, largest, out=errors)
+            np.multiply(errors, unit, out=residuals[batch])
         yield rows, residuals.reshape(-1, len(models))[: len(rows)]
 
 

@@ -19,7 +19,7 @@ def merge_path(labels, affinity, lengths, n_last):
     Parameters
     ----------
     labels : ndarray of int, shape (n,)
-        ``0..M - 1``, none empty.
+        ``0..M - 1``, none empty; those of -1 are in no group and stay so.
     affinity : ndarray of shape (n, n)
     lengths : GroupLengths
     n_last : int
@@ -81,7 +81,7 @@ def _link(sums, i, j):
 
 
 def _labels_of(groups, n):
-    labels = np.empty(n, dtype=int)
+    labels = np.full(n, -1)
     for label, group in enumerate(groups):
         labels[group] = label
     return labels

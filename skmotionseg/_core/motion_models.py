@@ -452,6 +452,9 @@ def _adjugate3(M):
 
 
 def _unit_norm(M):
+    # By a power of two first, which is exact: squares of large entries overflow.
+    _, exponent = np.frexp(np.abs(M).max(axis=(-2, -1), keepdims=True))
+    M = np.ldexp(M, -exponent)
     return M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
 
 
