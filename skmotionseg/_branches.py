@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 
 from ._core.motion_models import added_motion_models
-from ._core.selection import nearest_labels
+from ._core.selection import nearest_votes
 from ._core.tracks import unpack_tracks
 from ._parallel import run_tasks
 from ._scale import batches
@@ -135,7 +135,9 @@ def place_tracks(branches, tracks, labels, batch_size, n_jobs):
 
     Returns
     -------
-    ndarray of int, shape (n_partitions, m)
+    labels : ndarray of int, shape (n_partitions, m)
+    shares : ndarray of shape (n_partitions, m)
+        Of the votes that the labels have.
     """
     placed = run_tasks(
         (
@@ -151,15 +153,17 @@ def place_tracks(branches, tracks, labels, batch_size, n_jobs):
         n_jobs=n_jobs,
         prefer="threads",
     )
-    return np.concatenate(placed, axis=1)
+    labels, shares = zip(*placed, strict=True)
+    return np.concatenate(labels, axis=1), np.concatenate(shares, axis=1)
 
 
 def _place_batch(branches, tracks, labels):
-    """Labels (n_partitions, m) of tracks by the fitted ones of most affinity."""
+    """Labels and their shares, (n_partitions, m) each, by the most alike tracks."""
     tracks = unpack_tracks(tracks)
     affinity = 0
     for sampler, kernel in branches:
         every = max(1, int(kernel._median_pairs // PAIRS_TO_PLACE))
         blocks = sampler._blocks(*tracks, every)
         affinity += kernel._transform_blocks(len(tracks[0]), blocks, every)
-    return np.stack([nearest_labels(affinity, partition) for partition in labels])
+    votes = [nearest_votes(affinity, partition) for partition in labels]
+    return tuple(map(np.stack, zip(*votes, strict=True)))

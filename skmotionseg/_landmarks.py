@@ -62,8 +62,8 @@ def landmarks_of(
     ):
         fitted, affinities, _ = fit_branches(branches, tracks[first], n_jobs, memory)
     pieces = _pieces(affinities, rng)
-    everywhere = place_tracks(fitted, tracks, pieces[None], batch_size, n_jobs)[0]
-    return draw_evenly(everywhere, n_landmarks, rng)
+    placed, _ = place_tracks(fitted, tracks, pieces[None], batch_size, n_jobs)
+    return draw_evenly(placed[0], n_landmarks, rng)
 
 
 def _pieces(affinities, rng):

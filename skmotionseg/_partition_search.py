@@ -13,7 +13,7 @@ from ._core.merging import merge_path
 from ._core.motions import Explanation, explained, fit_motions, usual
 from ._core.neighbourhood import neighbourhood_thresholds, sparsify
 from ._core.refinement import merged, moved, refine, split
-from ._core.selection import canonical_labels, nearest_labels
+from ._core.selection import canonical_labels, nearest_labels, own_shares
 from ._core.spectral import ViewGraph, connected_tracks
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
@@ -37,6 +37,8 @@ class PartitionSearch:
         -1 for tracks without affinity to another.
     best : int
         Position of the count that was chosen.
+    shares : ndarray of shape (n,)
+        Of each track's affinity, what is to others of its motion in the chosen one.
     explanation : Explanation or None
         Of the chosen partition, if outliers are to be rejected.
     """
@@ -45,6 +47,7 @@ class PartitionSearch:
     costs: np.ndarray
     labels: np.ndarray
     best: int
+    shares: np.ndarray
     explanation: Explanation | None = None
 
 
@@ -100,6 +103,10 @@ def search_partitions(
     found = sorted(best)
     labels = np.full((len(found), len(points)), -1)
     labels[:, connected] = [_spread(whole, judged, best[count][1]) for count in found]
+    shares = np.zeros(len(points))
+    shares[connected] = own_shares(
+        whole.sparse[-1], labels[found.index(chosen), connected]
+    )
     explanation = None
     if reject_outliers:
         explanation = _explain(clip, best[chosen][1], pieces)
@@ -108,6 +115,7 @@ def search_partitions(
         np.array([best[count][0] for count in found]),
         labels,
         found.index(chosen),
+        shares,
         explanation,
     )
 

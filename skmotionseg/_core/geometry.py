@@ -9,7 +9,7 @@ is that of the group, so precise and sloppy motions are judged alike.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -93,22 +93,6 @@ class ClipGeometry:
     y: np.ndarray
     log_range: np.ndarray
     model_share: float
-
-    def consecutive(self):
-        """The same in the frame pairs of the least gap only."""
-        gaps = np.diff(self.frames.pairs, axis=1)[:, 0]
-        chosen = gaps == gaps.min()
-        inside = chosen[self.pair]
-        return ClipGeometry(
-            replace(self.frames, pairs=self.frames.pairs[chosen]),
-            self.seen[chosen],
-            (np.cumsum(chosen) - 1)[self.pair[inside]],
-            self.track[inside],
-            self.x[inside],
-            self.y[inside],
-            self.log_range[chosen],
-            1.0,
-        )
 
     @property
     def n_observations(self):

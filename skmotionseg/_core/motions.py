@@ -1,8 +1,5 @@
 """The motions of a partition, and the tracks that they explain.
 
-Rubbish shows from one frame to the next; over more frames, what drifts a little or is
-not quite rigid is far from its motion, too. So this looks at consecutive frames only.
-
 A motion is fitted to those of its tracks that it explains best, so that it stays what
 it is when nearly half of the tracks that were given to it are rubbish.
 """
@@ -25,9 +22,9 @@ CONCENTRATIONS = 3
 # A track is explained up to so many standard deviations of a motion's noise, which is
 # taken to be half a pixel (in 640 x 480) at least: on precise tracks, what is left is
 # not noise but what a model leaves out. See ``benchmarks/sensitivity.py``.
-LIMIT = 5.0
+LIMIT = 6.0
 # Motions this much noisier than that of the median track are none.
-USUAL_NOISE = 4.0
+USUAL_NOISE = 2.0
 # Standard deviations in a median of absolute values, for Gaussian noise.
 OF_MEDIAN = 1.4826
 
@@ -100,7 +97,6 @@ def fit_motions(geometry, labels, affinity):
     -------
     Motions
     """
-    geometry = geometry.consecutive()
     fits = [
         _fit_motion(geometry, group, affinity[np.ix_(group, group)])
         for group in groups_of(labels)
@@ -156,13 +152,14 @@ def usual(noise, labels):
     ----------
     noise : ndarray of shape (M,)
     labels : ndarray of int, shape (n,)
+        -1 is in no group.
 
     Returns
     -------
     ndarray of bool, shape (M,)
     """
     noise = np.maximum(noise, ROBUST_SCALE)
-    return noise <= USUAL_NOISE * np.median(noise[labels])
+    return noise <= USUAL_NOISE * np.median(noise[labels[labels >= 0]])
 
 
 def explained(motions, distances):

@@ -56,11 +56,11 @@ def moved(labels, relative):
     """
     relative = np.where(np.isnan(relative), np.inf, relative)
     nearest = relative.argmin(axis=0)
-    leave = relative[labels, np.arange(len(labels))] > 1
+    leave = (labels >= 0) & (relative[labels, np.arange(len(labels))] > 1)
     leave &= relative.min(axis=0) <= 1
     for some in (leave, *(leave & (labels == m) for m in range(len(relative)))):
         changed = np.where(some, nearest, labels)
-        if some.any() and len(np.unique(changed)) == len(relative):
+        if some.any() and len(np.unique(changed[changed >= 0])) == len(relative):
             yield changed
 
 

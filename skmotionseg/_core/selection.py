@@ -51,13 +51,60 @@ def nearest_labels(affinity, labels, n_nearest=5):
     ndarray of int, shape (m,)
         -1 for a row without affinity to any fitted row that has a vote.
     """
+    return nearest_votes(affinity, labels, n_nearest)[0]
+
+
+def nearest_votes(affinity, labels, n_nearest=5):
+    """As :func:`nearest_labels`, with the share of the votes that each label has.
+
+    Parameters
+    ----------
+    affinity, labels, n_nearest
+        As for :func:`nearest_labels`.
+
+    Returns
+    -------
+    labels : ndarray of int, shape (m,)
+    shares : ndarray of shape (m,)
+        0 where the label is -1.
+    """
     if labels.max(initial=-1) < 0:
-        return np.full(len(affinity), -1)
+        return np.full(len(affinity), -1), np.zeros(len(affinity))
     affinity = np.where(labels >= 0, affinity, 0).astype(float)  # sums are exact
     n_nearest = min(n_nearest, affinity.shape[1])
     last = np.partition(affinity, -n_nearest, axis=1)[:, -n_nearest, None]
     votes = np.where(affinity >= last, affinity, 0) @ indicator(labels)
-    return np.where(votes.max(axis=1) > 0, votes.argmax(axis=1), -1)
+    most = votes.max(axis=1)
+    shares = most / np.where(most > 0, votes.sum(axis=1), 1)
+    return np.where(most > 0, votes.argmax(axis=1), -1), shares
+
+
+def own_shares(views, labels):
+    """Share of each track's affinity to others that is to tracks of its own label.
+
+    The probability that one step of a random walk on the graph does not leave the
+    motion.
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+    labels : ndarray of int, shape (n,)
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        Mean over the views in which a track is linked to another with a label; 0 where
+        there is none, or the label is -1.
+    """
+    X = indicator(labels)
+    total, n_views = np.zeros(len(labels)), np.zeros(len(labels))
+    for view in views:
+        links = view @ X - np.diagonal(view)[:, None] * X
+        linked = links.sum(axis=1)
+        own = (links * X).sum(axis=1)
+        total += np.divide(own, linked, out=np.zeros_like(own), where=linked > 0)
+        n_views += linked > 0
+    return np.clip(total / np.maximum(n_views, 1), 0, 1)
 
 
 def groups_of(labels):
