@@ -17,7 +17,7 @@ from .selection import groups_of
 
 # Rounds in which the half of the tracks that is explained best is fitted again
 # (Rousseeuw and Van Driessen 2006, concentration steps). From half of a group of which
-# two fifths are rubbish, three reach the rest.
+# two fifths are rubbish, three reach the rest. A last fit is to all that is explained.
 CONCENTRATIONS = 3
 # A track is explained up to so many standard deviations of a motion's noise, which is
 # taken to be half a pixel (in 640 x 480) at least: on precise tracks, what is left is
@@ -53,7 +53,7 @@ class Motions:
     @property
     def limits(self):
         """Distances, (M,) in working units, up to which a track is explained."""
-        return LIMIT * np.maximum(self.noise, ROBUST_SCALE)
+        return limits_of(self.noise)
 
     def distances(self, points, visibility):
         """How far tracks are from each motion.
@@ -111,15 +111,22 @@ def _fit_motion(geometry, members, affinity):
     seen = geometry.seen[:, members]
     links = affinity.sum(axis=1) - np.diagonal(affinity)
     trusted = links >= np.median(links)
-    for _ in range(CONCENTRATIONS):
+    for step in range(CONCENTRATIONS + 1):
         fitted = np.zeros_like(packed)
         fitted[packed] = np.broadcast_to(trusted, seen.shape)[seen]
         F, errors = robust_fits(x, y, packed, cheapest_rank_two, trusted=fitted)
         distances = _medians(seen, [np.sqrt(errors[packed])])
         judged = distances[np.isfinite(distances)]
         median = np.median(judged) if len(judged) else 0.0
-        trusted = distances <= median
-    return F, OF_MEDIAN * median
+        noise = OF_MEDIAN * median
+        last = step + 1 == CONCENTRATIONS
+        trusted = distances <= (limits_of(noise) if last else median)
+    return F, noise
+
+
+def limits_of(noise):
+    """Distances up to which a motion of that noise explains tracks; working units."""
+    return LIMIT * np.maximum(noise, ROBUST_SCALE)
 
 
 def _sampson(F, x, y):
