@@ -41,6 +41,9 @@ class PartitionSearch:
         Of each track's affinity, what is to others of its motion in the chosen one.
     explanation : Explanation or None
         Of the chosen partition, if outliers are to be rejected.
+    gainless : ndarray of int, shape (n_counts, 2), optional
+        Two motions that gain too little from being apart, for each count that was
+        passed over for it; -1 for others.
     """
 
     counts: np.ndarray
@@ -49,6 +52,7 @@ class PartitionSearch:
     best: int
     shares: np.ndarray
     explanation: Explanation | None = None
+    gainless: np.ndarray | None = None
 
 
 def search_partitions(
@@ -95,11 +99,13 @@ def search_partitions(
         judged = _worth_judging(clip, pieces, counts)
     whole, clip = clip, clip if len(judged) == len(connected) else clip[judged]
     best = _best_by_count(clip, counts, clusterer)
-    chosen = _choose(best, clip.judge)
+    chosen, gainless = _choose(best, clip.judge)
     if len(counts) > 1 or counts[0] > 1:
         refined = _refine(best[chosen][1], clip, counts, clusterer)
-        chosen = int(refined.max()) + 1
-        best[chosen] = (clip.judge.cost(refined), refined)
+        if not np.array_equal(refined, best[chosen][1]):
+            chosen = int(refined.max()) + 1
+            best[chosen] = (clip.judge.cost(refined), refined)
+            gainless.pop(chosen, None)  # that was another partition
     found = sorted(best)
     labels = np.full((len(found), len(points)), -1)
     labels[:, connected] = [_spread(whole, judged, best[count][1]) for count in found]
@@ -117,6 +123,7 @@ def search_partitions(
         found.index(chosen),
         shares,
         explanation,
+        np.array([gainless.get(count, (-1, -1)) for count in found]),
     )
 
 
@@ -241,14 +248,20 @@ def _explain(clip, labels, pieces):
 def _choose(best, judge):
     """The count of the cheapest partition whose motions gain; else the least.
 
-    Of equal costs, as of groups that are never seen together, the larger count.
+    Of equal costs, as of groups that are never seen together, the larger count. Also
+    returns two motions that gain too little for each count that was passed over.
     """
+    if len(best) == 1:
+        return min(best), {}
+    gainless = {}
     for count in sorted(
         best, key=lambda count: (round(best[count][0].total, 9), -count)
     ):
-        if judge.each_gains(best[count][1]):
-            return count
-    return min(best)
+        pair = judge.gainless_pair(best[count][1])
+        if pair is None:
+            return count, gainless
+        gainless[count] = pair
+    return min(best), gainless
 
 
 def _sparse_views(views, alpha):

@@ -73,10 +73,13 @@ def test_a_partition_is_chosen_only_if_its_motions_gain(judged):
     assert judge.each_gains(y)
     assert not judge.each_gains(torn)
     assert judge.each_gains(one)  # there is no pair
+    assert judge.gainless_pair(torn) == (0, 3)  # the halves of the background
     best = {1: one, 3: y, 4: torn}
     best = {n: (Cost(0, 5 - n, 5 - n), labels) for n, labels in best.items()}
-    assert _choose(best, judge) == 3
-    assert _choose({4: best[4]}, judge) == 4  # the smallest, if none gains
+    assert _choose(best, judge) == (3, {4: (0, 3)})
+    assert _choose({4: best[4]}, judge) == (4, {})  # there is no other
+    none_gains = {4: best[4], 5: best[4]}
+    assert _choose(none_gains, judge) == (4, {4: (0, 3), 5: (0, 3)})
 
 
 def test_a_gain_is_that_of_the_pairs_in_which_both_have_a_model():

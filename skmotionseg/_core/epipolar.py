@@ -130,7 +130,7 @@ def robust_fits(x, y, seen, lower_rank=nearest_rank_two, trusted=None):
     if len(pairs) == 0:
         return fits, residuals
     fitted = _enough(seen if trusted is None else seen & trusted, seen)[pairs]
-    x, y, frames, spread = _normalize_pairs(x[pairs], y[pairs], seen[pairs])
+    x, y, frames, spread = normalize_pairs(x[pairs], y[pairs], seen[pairs])
     rows = epipolar_equations(x, y)  # (P, n, 9)
     weights = fitted
     for _ in range(ROBUST_SWEEPS):
@@ -190,10 +190,22 @@ def mean_sampson_errors(points, visibility):
     )
 
 
-def _normalize_pairs(x, y, seen):
+def normalize_pairs(x, y, seen):
     """Homogeneous points of each pair about their centroids, one scale a pair.
 
-    Returns the points, what took them there, (2, P, 3, 3), and the scale, (P, 1).
+    Parameters
+    ----------
+    x, y : ndarray of shape (P, n, 2)
+    seen : ndarray of bool, shape (P, n)
+
+    Returns
+    -------
+    x, y : ndarray of shape (P, n, 3)
+        The centroid where they are not seen.
+    frames : ndarray of shape (2, P, 3, 3)
+        What took the points of the first and of the second frame there.
+    spread : ndarray of shape (P, 1)
+        The scale.
     """
     n_seen = seen.sum(axis=1)[:, None, None]
     mask = seen[..., None]

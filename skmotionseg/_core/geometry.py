@@ -212,13 +212,40 @@ def description_length(geometry, members, lower_rank=nearest_rank_two):
     """
     x, y, seen = geometry.of_group(members)
     _, residuals = robust_fits(x, y, seen, lower_rank)
+    return shortest_length(geometry, residuals, seen, 1, 7)
+
+
+def shortest_length(geometry, residuals, seen, n_constraints, n_parameters):
+    """Nats to describe tracks by one model a frame pair, given their distances from it.
+
+    At the noise level that makes the whole least. In a pair that sees fewer than eight
+    of the tracks none is expected to obey a model.
+
+    Parameters
+    ----------
+    geometry : ClipGeometry
+    residuals : ndarray of shape (n_pairs, n)
+        Squared Sampson errors, in working units.
+    seen : ndarray of bool, shape (n_pairs, n)
+    n_constraints : int
+        Coordinates of a track, of the two, that the model leaves to noise alone.
+    n_parameters : int
+        Free coordinates that a model costs.
+
+    Returns
+    -------
+    DescriptionLength
+    """
     modelled = seen.sum(axis=1) >= MINIMAL_SIZE
     lengths = []
     for noise in NOISE_LEVELS:
         unit = np.log(noise * np.sqrt(2 * np.pi))
         free = np.maximum(geometry.log_range - unit, 1)  # nats of a free coordinate
-        off_line = np.minimum(residuals / (2 * noise**2), free[:, None])
-        tracks = np.where(seen, off_line + free[:, None] + 2 * unit, 0).sum(axis=1)
-        models = 7 * geometry.model_share * free[modelled].sum()
+        off_model = np.minimum(
+            residuals / (2 * noise**2), n_constraints * free[:, None]
+        )
+        along = (2 - n_constraints) * free[:, None]
+        tracks = np.where(seen, off_model + along + 2 * unit, 0).sum(axis=1)
+        models = n_parameters * geometry.model_share * free[modelled].sum()
         lengths.append(DescriptionLength(tracks, float(models), modelled))
     return min(lengths, key=lambda length: length.total)

@@ -120,10 +120,26 @@ class Judge:
         -------
         bool
         """
+        return self.gainless_pair(labels) is None
+
+    def gainless_pair(self, labels):
+        """Two motions that save too little by not being one, or None.
+
+        Parameters
+        ----------
+        labels : ndarray of int, shape (n,)
+            ``0..M - 1``, none empty.
+
+        Returns
+        -------
+        (int, int) or None
+            The first such pair, the smaller label first.
+        """
         groups = groups_of(labels)
         least = GAIN_OF_CUT * sum(cuts_between(view, labels) for view in self.views)
-        return all(
-            any(each.gain(groups[i], groups[j]) >= least[i, j] for each in self.lengths)
-            for i in range(len(groups))
-            for j in range(i)
-        )
+        for i in range(len(groups)):
+            for j in range(i):
+                gains = (each.gain(groups[i], groups[j]) for each in self.lengths)
+                if not any(gain >= least[i, j] for gain in gains):
+                    return j, i
+        return None
