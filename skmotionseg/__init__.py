@@ -1,6 +1,7 @@
 """Motion segmentation of point tracks, as scikit-learn estimators."""
 
 from ._core.tracks import pack_tracks, unpack_tracks
+from ._report import SegmentationReport
 from .cluster import MultiModelSpectralClustering
 from .export import save_motions, static_mask
 from .kernels import ORKKernel
@@ -23,6 +24,7 @@ __all__ = [
     "NCREModelSelector",
     "ORKKernel",
     "PerSequence",
+    "SegmentationReport",
     "SelfTuningModelSelector",
     "make_motion_pipeline",
     "pack_tracks",

@@ -30,6 +30,7 @@ from ._core.spectral import connected_tracks
 from ._core.tracks import pack_tracks
 from ._landmarks import landmarks_of
 from ._partition_search import PartitionSearch, search_partitions
+from ._report import SegmentationReport, follow_pairs, make_report
 from ._scale import check_batch_size, number_of_landmarks
 from ._threads import single_threaded
 from ._validation import TracksInput, get_fusion
@@ -137,6 +138,11 @@ default="description_length"
         "eigengap" and "self_tuning" see the ``costs_`` of their estimators.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
         For each, the best partition.
+    best_index_ : int
+        Position of the chosen count.
+    gainless_pairs_ : ndarray of int, shape (n_counts, 2)
+        For each, two motions of its partition that gain too little from being apart, if
+        it was passed over for that; else -1.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         The tracks that were fitted, by their position.
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
@@ -322,6 +328,10 @@ default="description_length"
         self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
         self.labels_ = self.candidate_labels_[search.best]
         self.probabilities_ = np.where(self.labels_ >= 0, shares, 0)
+        self.best_index_ = search.best
+        self.gainless_pairs_ = follow_pairs(
+            search.gainless, search.labels, self.candidate_labels_[:, self.landmarks_]
+        )
         self.n_motions_ = int(self.labels_.max()) + 1
         done = time.perf_counter()
         self.stage_seconds_ = {
@@ -476,6 +486,47 @@ def _reject(points, visibility, labels, explanation):
         points[placed], visibility[placed], labels[placed]
     )
     return labels
+
+    @single_threaded
+    def report(self, X: npt.ArrayLike) -> SegmentationReport:
+        """Say what was found, and why.
+
+        For each motion, how many tracks it has, the simplest motion model that explains
+        it and how far its tracks are from this model; for each number of motions that
+        was tried, what it costs and why it was taken or not.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+            The tracks that were fitted, which a fitted segmenter does not keep.
+
+        Returns
+        -------
+        SegmentationReport
+            Printed, it is a table.
+
+        Raises
+        ------
+        NotFittedError, ValueError
+            If there was no fit, or one to another number of tracks.
+
+        Notes
+        -----
+        In each frame pair an affine map, a homography and a fundamental matrix are
+        fitted to the landmarks of a motion, robustly, and the model that describes them
+        in the fewest nats, its parameters included, explains the motion. A plane, a
+        distant thing, or all that is at rest before a camera that only turns, is
+        explained by a homography, or by an affine map if it is far or small.
+
+        Examples
+        --------
+        >>> from skmotionseg import MotionSegmenter
+        >>> from skmotionseg.datasets import make_rigid_motions
+        >>> X, _ = make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
+        >>> print(MotionSegmenter(max_motions=4, random_state=0).fit(X).report(X))
+        """
+        check_is_fitted(self)
+        return make_report(self, *self._read_tracks(X, reset=False))
 
 
 def _make_clusterer(

@@ -9,6 +9,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+from dataclasses import is_dataclass
 from pathlib import Path
 
 import pytest
@@ -86,6 +87,7 @@ def test_the_contract():
         "NCREModelSelector",
         "ORKKernel",
         "PerSequence",
+        "SegmentationReport",
         "SelfTuningModelSelector",
         "make_motion_pipeline",
         "pack_tracks",
@@ -186,7 +188,7 @@ def test_every_estimator_validates_all_its_parameters(cls):
     assert set(cls._parameter_constraints) == parameters(cls.__init__)
 
 
-@pytest.mark.parametrize("cls", CLASSES)
+@pytest.mark.parametrize("cls", [cls for cls in CLASSES if not is_dataclass(cls)])
 def test_every_class_documents_what_it_learns(cls):
     """Every attribute that the source sets in fitting or drawing, mixins' included."""
     source = "".join(inspect.getsource(c) for c in cls.__mro__ if is_ours(c))

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._core.judging import CUT_WEIGHT
 from .._core.selection import canonical_labels
+from .._cost_terms import cost_terms
 from .._extras import require
 from .._palette import series_colour
 from .._validation import split_views
-from ..model_selection import (
-    EigengapModelSelector,
-    NCREModelSelector,
-    SelfTuningModelSelector,
-    partition_costs,
-)
+from ..model_selection import NCREModelSelector, partition_costs
 from ._drawing import (
     check_labels,
     count_motions,
@@ -116,11 +111,11 @@ class CountDisplay:
                 f"{type(last).__name__} does not compare numbers of motions; give an "
                 "NCREModelSelector or a MotionSegmenter"
             )
-        weights, term_names = _terms(last)
+        weights, term_names = cost_terms(last)
         display = cls(
             last.counts_,
             last.costs_,
-            _chosen_count(last),
+            int(last.counts_[last.best_index_]),
             weights=weights,
             term_names=term_names,
         )
@@ -232,21 +227,3 @@ class CountDisplay:
         self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
         self.legend_ = legend_below(self.ax_, 2)
         return self
-
-
-def _terms(estimator):
-    """Weights and names of the two terms of a fitted estimator's costs."""
-    rule = getattr(estimator, "selection", None)
-    if rule == "description_length":
-        return (CUT_WEIGHT, 1), ("normalised cut", "nats an observation")
-    if rule == "eigengap" or isinstance(estimator, EigengapModelSelector):
-        return (1, -1), ("eigenvalue", "next eigenvalue")
-    if rule == "self_tuning" or isinstance(estimator, SelfTuningModelSelector):
-        return (1, -1), ("alignment cost", "its least value")
-    return (1, estimator.delta), ("normalised cut", "reconstruction error")
-
-
-def _chosen_count(estimator):
-    """The count whose partition was taken; some have empty motions."""
-    taken = (estimator.candidate_labels_ == estimator.labels_).all(axis=1)
-    return int(estimator.counts_[taken.argmax()])
