@@ -186,7 +186,7 @@ def _verdict(gainless_pair, rise, tolerance, is_fewer):
     """Why a count was not taken."""
     if gainless_pair is not None:
         first, second = gainless_pair
-        return f"motions {first} and {second} gain too little apart"
+        return f"motions {first} and {second} gain too little"
     if rise > tolerance:
         return f"dearer by {rise:.2g}"
     return f"as cheap, but {'fewer' if is_fewer else 'more'} motions"

@@ -23,6 +23,7 @@ from ._core.tracks import unpack_tracks
 from ._extras import require
 from ._frames import is_video
 from ._palette import motion_colour
+from ._report import pixels
 from ._writing import check_folder_of, check_output, replacing
 
 LABEL_ENDINGS = (".npz", ".csv")
@@ -54,6 +55,12 @@ def add_segment(commands):
         type=Path,
         help="picture of the motions: .png; for videos .mp4, or .png for some frames",
     )
+    segment.add_argument(
+        "--report",
+        type=Path,
+        help="picture of the motions, the models that explain them and the costs of "
+        "their number: .png, ...",
+    )
     videos = segment.add_argument_group("videos")
     videos.add_argument(
         "--grid", type=count, default=8, help="pixels between tracks (8)"
@@ -77,6 +84,7 @@ def _segment(arguments):
     check_output(arguments.out, LABEL_ENDINGS)
     check_folder_of(arguments.split_dir)
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
+    check_output(arguments.report, PICTURES)
     console = require("rich.console", extra="cli").Console()
     read = _track_video if video else _load_tracks
     sequence = read(arguments, console)
@@ -88,6 +96,8 @@ def _segment(arguments):
     if arguments.render is not None:
         draw = _render_video if video else _draw_tracks
         draw(arguments, sequence, labels, console)
+    if arguments.report is not None:
+        _draw_report(arguments, sequence, segmenter)
     if arguments.out is not None:
         _write_labels(arguments.out, sequence, labels)
     _print_findings(console, arguments, sequence, segmenter)
@@ -170,27 +180,60 @@ def _print_findings(console, arguments, sequence, segmenter):
     for stage, seconds in sequence.get("seconds", {}).items():
         facts.append((f"seconds {stage}", f"{seconds:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
-    console.print(_motion_table(sequence.data, labels))
-    for name, path in (("labels", arguments.out), ("picture", arguments.render)):
+    report = segmenter.report(sequence.data)
+    console.print(_motion_table(report))
+    if len(report.counts) > 1:
+        console.print(_count_table(report))
+    files = {
+        "labels": arguments.out,
+        "picture": arguments.render,
+        "report": arguments.report,
+    }
+    for name, path in files.items():
         if path is not None:
             console.print(f"{name}: {path}", highlight=False)
 
 
-def _motion_table(X, labels):
+def _motion_table(report):
     """A row a motion, and one for the tracks of none."""
     table = require("rich.table", extra="cli").Table()
-    for title in ("motion", "tracks", "share", "frames seen", "colour"):
+    for title in ("motion", "tracks", "share", "frames", "colour"):
         table.add_column(title, justify="right")
-    seen = unpack_tracks(X)[1]
-    for motion in [*range(labels.max() + 1), *([-1] if (labels < 0).any() else [])]:
-        members = labels == motion
-        colour = motion_colour(motion)
+    table.add_column("model")
+    table.add_column("residual", justify="right")
+    for motion in report.motions:
         table.add_row(
-            "none" if motion < 0 else str(motion),
-            str(members.sum()),
-            f"{members.mean():.1%}",
-            f"{seen[members].any(axis=0).sum()} of {seen.shape[1]}",
-            f"[{colour}]●[/] {colour}",
+            str(motion.label),
+            str(motion.n_tracks),
+            f"{motion.share:.1%}",
+            f"{len(motion.frames)} of {report.n_frames}",
+            _colour(motion.label),
+            motion.model or "too few",
+            pixels(motion.residual),
+        )
+    if report.n_outliers:
+        share = f"{report.n_outliers / report.n_tracks:.1%}"
+        table.add_row("none", str(report.n_outliers), share, "", _colour(-1))
+    return table
+
+
+def _colour(motion):
+    colour = motion_colour(motion)
+    return f"[{colour}]●[/] {colour}"
+
+
+def _count_table(report):
+    """A row a number of motions: its costs, and why it was chosen or not."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("motions", *report.term_names, "total"):
+        table.add_column(title, justify="right")
+    table.add_column("")
+    for each in report.counts:
+        table.add_row(
+            str(each.n_motions),
+            *(f"{cost:.4f}" for cost in (*each.terms, each.total)),
+            each.verdict,
+            style="bold" if each.chosen else "",
         )
     return table
 
@@ -232,6 +275,14 @@ def _draw_tracks(arguments, sequence, labels, console):
     figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
     plot_motions(sequence.data, labels, ax=ax)
     save_figure(figure, arguments.render)
+
+
+def _draw_report(arguments, sequence, segmenter):
+    from .plotting import ReportDisplay
+
+    pyplot()
+    display = ReportDisplay.from_estimator(segmenter, sequence.data)
+    save_figure(display.figure_, arguments.report)
 
 
 def _render_video(arguments, sequence, labels, console):

@@ -129,6 +129,25 @@ def test_segment_prints_what_it_found(run, scene, scene_file):
         assert re.search(row, printed)
 
 
+def test_segment_says_what_explains_the_motions_and_their_number(
+    run, scene, scene_file, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    picture = tmp_path / "report.png"
+    code, printed, errors = run("segment", scene_file, "--report", picture)
+    assert (code, errors) == (0, "")
+    assert picture.read_bytes().startswith(PNG)
+    report = MotionSegmenter(random_state=0).fit(scene[0]).report(scene[0])
+    for motion in report.motions:
+        row = rf"│ +{motion.label} │.*│ {motion.model} +│ +{motion.residual:.2f} px │"
+        assert re.search(row, printed)
+    for each in report.counts:
+        row = rf"│ +{each.n_motions} │.*│ +{each.total:.4f} │ {each.verdict} +│"
+        assert re.search(row, printed)
+    _, printed, _ = run("segment", scene_file, "--motions", 3)
+    assert "chosen" not in printed  # there was nothing to choose
+
+
 @pytest.mark.parametrize("ending", [".npz", ".csv"])
 def test_segment_writes_labels(run, scene, scene_file, tmp_path, ending):
     X, _ = scene
@@ -415,6 +434,8 @@ ERRORS = {
     "segment {scene} --render motions.txt": "end in .* got motions.txt",
     "segment {scene} --out nowhere/labels.npz": "nowhere",
     "segment {scene} --render nowhere/motions.png": "nowhere",
+    "segment {scene} --report report.txt": "end in .* got report.txt",
+    "segment {scene} --report nowhere/report.png": "nowhere",
     "segment {scene} --split-dir nowhere/motions": "nowhere",
     "demo --out nowhere/demo.png": "nowhere",
     "demo --out demo.txt": "end in .* got demo.txt",

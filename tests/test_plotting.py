@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from copy import copy
+from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib.pyplot as plt
@@ -34,6 +36,7 @@ from skmotionseg.plotting import (
     FusionWeightDisplay,
     GridDisplay,
     MotionDisplay,
+    ReportDisplay,
     SequenceErrorDisplay,
 )
 from skmotionseg.plotting._affinities import reconstruction
@@ -276,6 +279,61 @@ def test_costs_of_partitions_are_those_of_the_selector():
     assert display.chosen == selector.n_clusters_
 
 
+def test_counts_that_were_passed_over_are_hollow():
+    costs = np.arange(12.0).reshape(4, 3)
+    hollow = [False, True, False, True]
+    display = CountDisplay([1, 2, 3, 4], costs, 1, passed_over=hollow).plot()
+    assert_array_equal(display.passed_over_line_.get_xdata(), [2, 4])
+    assert_array_equal(display.passed_over_line_.get_ydata(), costs[[1, 3], 2])
+    assert display.passed_over_line_.get_markerfacecolor() == "white"
+    assert texts(display.legend_)[-1] == "two motions gain too little"
+    assert CountDisplay([1, 2], costs[:2], 1).plot().passed_over_line_ is None
+
+
+def test_an_estimator_says_which_counts_were_passed_over(small):
+    segmenter = copy(small[2])
+    segmenter.gainless_pairs_ = np.array([[-1, -1], [0, 1], [-1, -1], [-1, -1]])
+    display = CountDisplay.from_estimator(segmenter)
+    assert_array_equal(display.passed_over_line_.get_xdata(), [2])
+    assert CountDisplay.from_estimator(small[2]).passed_over_line_ is None
+
+
+# ----------------------------------------------------------------------------- report
+
+
+def test_a_report_is_drawn_as_it_is_printed(small):
+    X, _, segmenter = small
+    report = segmenter.report(X)
+    display = ReportDisplay.from_estimator(segmenter, X, frame=2)
+    assert display.motions_.frame_ == 2
+    assert_array_equal(display.motions_.labels, segmenter.labels_)
+    assert texts(display.motions_.legend_) == [
+        f"motion {m.label} ({m.n_tracks}): {m.model}, {m.residual:.2f} px"
+        for m in report.motions
+    ]
+    of_selector = CountDisplay.from_estimator(segmenter)
+    for line, expected in zip(display.counts_.lines_, of_selector.lines_, strict=True):
+        assert_allclose(line.get_xydata(), expected.get_xydata())
+    assert texts(display.counts_.legend_) == texts(of_selector.legend_)
+
+
+def test_a_motion_without_a_model_is_drawn_too(small):
+    X, _, segmenter = small
+    few = replace(segmenter.report(X).motions[0], model=None, residual=np.nan)
+    report = replace(segmenter.report(X), motions=(few,))
+    display = ReportDisplay(report, X, np.zeros(60, int)).plot()
+    (text,) = texts(display.motions_.legend_)
+    assert text == f"motion 0 ({few.n_tracks}): too few tracks"
+
+
+def test_report_axes_that_are_given_are_used():
+    figure, axes = plt.subplots(2, 1)
+    display = DISPLAYS["ReportDisplay"].plot(axes=axes)
+    assert (display.motions_.ax_, display.counts_.ax_) == tuple(axes)
+    assert display.figure_ is figure
+    assert plt.get_fignums() == [figure.number]
+
+
 # ----------------------------------------------------------------------------- errors
 
 
@@ -494,7 +552,11 @@ DISPLAYS = {
     "FusionWeightDisplay": FusionWeightDisplay([0.1, 1], [0.1, 0.2]),
     "GridDisplay": GridDisplay([[0.1, 0.2]], [1, 2], [1]),
     "AffinityDisplay": AffinityDisplay([K], [Y]),
+    "ReportDisplay": ReportDisplay(
+        MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X0).report(X0), X0, Y0
+    ),
 }
+SEVERAL_AXES = {"AffinityDisplay", "ReportDisplay"}
 
 
 def test_all_displays_are_here():
@@ -502,7 +564,7 @@ def test_all_displays_are_here():
     assert displays == set(DISPLAYS)
 
 
-@pytest.mark.parametrize("name", [n for n in DISPLAYS if n != "AffinityDisplay"])
+@pytest.mark.parametrize("name", [n for n in DISPLAYS if n not in SEVERAL_AXES])
 def test_axes_that_are_given_are_used(name):
     figure, (ax, other) = plt.subplots(1, 2)
     display = DISPLAYS[name]
@@ -654,6 +716,28 @@ def case(name, call, words, error=ValueError):
             r"one partition a number of motions; got some of \[2, 2\]",
         ),
         case(
+            "counts, passed over",
+            lambda: CountDisplay([1, 2], np.ones((2, 3)), 1, passed_over=[1, 0]).plot(),
+            r"2 counts need a bool each in passed_over; got shape \(2,\) and dtype int",
+        ),
+        case(
+            "report, axes",
+            lambda: DISPLAYS["ReportDisplay"].plot(axes=[None]),
+            "a report needs 2 axes; got 1",
+        ),
+        case(
+            "report, labels",
+            lambda: ReportDisplay(DISPLAYS["ReportDisplay"].report, X0, Y0[1:]).plot(),
+            r"20 tracks need a label each; got labels of shape \(19,\)",
+        ),
+        case(
+            "report, none",
+            lambda: ReportDisplay.from_estimator(
+                MultiModelSpectralClustering().fit(STACKED), X0
+            ),
+            "MultiModelSpectralClustering gives no report; give a MotionSegmenter",
+        ),
+        case(
             "errors, axes",
             lambda: SequenceErrorDisplay(ERRORS[0]).plot(),
             r"\(n_methods, n_sequences, n_seeds\); got \(2, 2\)",
@@ -761,6 +845,8 @@ for draw in (
     lambda: AffinityDisplay.from_estimator(None, None),
     lambda: CountDisplay([1], [[0, 0, 0]], 1).plot(),
     lambda: CountDisplay.from_estimator(None),
+    lambda: ReportDisplay(None, None, None).plot(),
+    lambda: ReportDisplay.from_estimator(None, None),
     lambda: SequenceErrorDisplay([[[0.0]]]).plot(),
     lambda: SequenceErrorDisplay.from_estimator(None, None, None),
     lambda: FusionWeightDisplay([1], [0]).plot(),
@@ -782,7 +868,7 @@ def test_without_matplotlib_every_display_names_the_extra():
     message = (
         'this needs matplotlib, which is not installed: pip install "skmotionseg[plot]"'
     )
-    assert result.stdout.splitlines() == [message] * 11
+    assert result.stdout.splitlines() == [message] * 13
 
 
 @pytest.mark.data

@@ -118,6 +118,7 @@ def test_the_contract():
         "FusionWeightDisplay",
         "GridDisplay",
         "MotionDisplay",
+        "ReportDisplay",
         "SequenceErrorDisplay",
         "plot_motions",
     }

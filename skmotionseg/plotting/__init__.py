@@ -8,6 +8,7 @@ scikit-learn do: made by ``from_estimator`` or ``from_predictions``, drawn again
 from ._affinities import AffinityDisplay
 from ._counts import CountDisplay
 from ._errors import SequenceErrorDisplay
+from ._report import ReportDisplay
 from ._sweeps import FusionWeightDisplay, GridDisplay
 from ._tracks import MotionDisplay, plot_motions
 
@@ -17,6 +18,7 @@ __all__ = [
     "FusionWeightDisplay",
     "GridDisplay",
     "MotionDisplay",
+    "ReportDisplay",
     "SequenceErrorDisplay",
     "plot_motions",
 ]

@@ -38,6 +38,9 @@ class CountDisplay:
     weights : (float, float), default=(1, 1)
         Of the two terms in the total.
     term_names : (str, str), default=("normalised cut", "reconstruction error")
+    passed_over : array-like of bool, shape (n_counts,), optional
+        Counts two of whose motions gain too little from being apart, which is why they
+        were passed over: hollow on the curve of the total.
 
     Attributes
     ----------
@@ -45,6 +48,8 @@ class CountDisplay:
         Both weighted terms and the total, over ``counts``.
     chosen_line_ : matplotlib Line2D
         Vertical, at the chosen count.
+    passed_over_line_ : matplotlib Line2D or None
+        The hollow marks, if there are any.
     legend_ : matplotlib Legend
     ax_ : matplotlib axes
     figure_ : matplotlib figure
@@ -77,12 +82,14 @@ class CountDisplay:
         *,
         weights=(1, 1),
         term_names=("normalised cut", "reconstruction error"),
+        passed_over=None,
     ):
         self.counts = counts
         self.costs = costs
         self.chosen = chosen
         self.weights = weights
         self.term_names = term_names
+        self.passed_over = passed_over
 
     @classmethod
     def from_estimator(cls, estimator, *, ax=None):
@@ -118,6 +125,7 @@ class CountDisplay:
             int(last.counts_[last.best_index_]),
             weights=weights,
             term_names=term_names,
+            passed_over=_passed_over(last),
         )
         return display.plot(ax=ax)
 
@@ -184,8 +192,8 @@ class CountDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If there are not three costs a count, or ``chosen`` is none of the counts.
-            Nothing is drawn then.
+            If there are not three costs a count, ``chosen`` is none of the counts, or
+            ``passed_over`` does not say so of each. Nothing is drawn then.
         """
         counts, costs = np.asarray(self.counts), np.asarray(self.costs, dtype=float)
         if counts.ndim != 1 or not len(counts) or costs.shape != (len(counts), 3):
@@ -195,6 +203,7 @@ class CountDisplay:
             )
         if self.chosen not in counts:
             raise ValueError(f"chosen must be one of {counts}; got {self.chosen}")
+        passed_over = _check_passed_over(self.passed_over, counts)
         ticker = require("matplotlib.ticker", extra="plot")
         self.figure_, self.ax_ = figure_and_ax(ax, (5.2, 3.8))
         weights = (*self.weights, 1)
@@ -223,7 +232,40 @@ class CountDisplay:
                 zip(costs.T, weights, names, strict=True)
             )
         ]
+        self.passed_over_line_ = None
+        if passed_over.any():
+            self.passed_over_line_ = self._draw_hollow(counts, costs[:, 2], passed_over)
         self.ax_.set(xlabel="number of motions", ylabel="cost")
         self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
         self.legend_ = legend_below(self.ax_, 2)
         return self
+
+    def _draw_hollow(self, counts, totals, hollow):
+        return self.ax_.plot(
+            counts[hollow],
+            totals[hollow],
+            linestyle="none",
+            marker=MARKERS[2],
+            markersize=6,
+            markerfacecolor="white",
+            markeredgecolor=series_colour(2),
+            label="two motions gain too little",
+        )[0]
+
+
+def _passed_over(estimator):
+    """Which counts have motions that gain too little; None if nobody asked."""
+    pairs = getattr(estimator, "gainless_pairs_", None)
+    return None if pairs is None else (pairs >= 0).all(axis=1)
+
+
+def _check_passed_over(passed_over, counts):
+    if passed_over is None:
+        return np.zeros(len(counts), dtype=bool)
+    passed_over = np.asarray(passed_over)
+    if passed_over.shape != counts.shape or passed_over.dtype != bool:
+        raise ValueError(
+            f"{len(counts)} counts need a bool each in passed_over; got shape "
+            f"{passed_over.shape} and dtype {passed_over.dtype}"
+        )
+    return passed_over

@@ -256,12 +256,7 @@ class MotionDisplay:
             If ``X`` are no tracks, there is not a label a track, or no such frame, or
             the image is none. Nothing is drawn then.
         """
-        points, visibility = unpack_tracks(self.X)
-        labels = check_labels(self.labels, len(points))
-        frame = _check_frame(self.frame, visibility)
-        image = _check_image(self.image)
-        if not isinstance(self.trail, Integral) or self.trail < 0:
-            raise ValueError(f"trail must be a number of frames; got {self.trail!r}")
+        points, visibility, labels, frame, image = self._read()
         collections = require("matplotlib.collections", extra="plot")
         shown = visibility[:, frame]
         self.frame_ = frame
@@ -305,6 +300,16 @@ class MotionDisplay:
             self.ax_.invert_yaxis()
         self.legend_ = legend_below(self.ax_, min(4, len(self.points_)))
         return self
+
+    def _read(self):
+        """Points, visibility, labels, number of the frame and image, all checked."""
+        points, visibility = unpack_tracks(self.X)
+        labels = check_labels(self.labels, len(points))
+        frame = _check_frame(self.frame, visibility)
+        image = _check_image(self.image)
+        if not isinstance(self.trail, Integral) or self.trail < 0:
+            raise ValueError(f"trail must be a number of frames; got {self.trail!r}")
+        return points, visibility, labels, frame, image
 
 
 def _motions_first(labels):
