@@ -71,11 +71,15 @@ def explain(geometry, members):
     if not modelled.any():
         return Explanation(None, {}, np.zeros(0))
     packed &= modelled[:, None]
+    # Where hardly anything moves a free coordinate costs next to nothing, and yet a
+    # parameter is worth writing down to the precision that so many tracks give it
+    # (Rissanen 1978).
+    least_price = np.log(np.maximum(packed.sum(axis=1), 1)) / 2
     errors, lengths = {}, {}
     for name, n_constraints, n_parameters in EXPLAINING_MODELS:
         errors[name] = robust_errors(name, x, y, packed)
         length = shortest_length(
-            geometry, errors[name], packed, n_constraints, n_parameters
+            geometry, errors[name], packed, n_constraints, n_parameters, least_price
         )
         lengths[name] = float(length.total / packed.sum())
     model = min(lengths, key=lengths.get)
@@ -127,7 +131,8 @@ def _robust_map_errors(name, x, y, seen):
         weights = seen / (1 + errors * (spread / ROBUST_SCALE) ** 2)
         # Equations of a homography are as large as its third coordinate.
         size = (x @ maps[:, 2, :, None])[..., 0] ** 2
-        weights /= np.maximum(size, 1e-9 * size.max())
+        size = np.maximum(size, 1e-9 * size.max(axis=1, keepdims=True))
+        weights /= np.maximum(size, np.finfo(float).tiny)
         weights /= weights.max(axis=1, keepdims=True)
     found[pairs] = errors * spread**2
     return found
