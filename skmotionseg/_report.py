@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ._core.explaining import explain
+from ._core.explaining import choose_model
 from ._core.geometry import clip_geometry
 from ._cost_terms import cost_terms, cost_tolerance
 
@@ -80,7 +80,7 @@ class SegmentationReport:
     >>> segmenter = MotionSegmenter(max_motions=4, random_state=0).fit(X)
     >>> report = segmenter.report(X)
     >>> [motion.model for motion in report.motions]
-    ['fundamental', 'homography', 'fundamental']
+    ['fundamental', 'affine', 'fundamental']
     >>> [count.verdict for count in report.counts if count.chosen]
     ['chosen']
     """
@@ -148,7 +148,7 @@ def make_report(segmenter, points, visibility):
 
 def _motion_record(label, labels, visibility, geometry, landmarks):
     members = labels == label
-    found = explain(geometry, np.flatnonzero(members[landmarks]))
+    found = choose_model(geometry, np.flatnonzero(members[landmarks]))
     residuals = found.residuals if len(found.residuals) else [np.nan]
     return MotionRecord(
         label=label,

@@ -465,28 +465,6 @@ default="description_length"
         (labels,), _ = self._place(tracks, self.labels_[None, self.landmarks_])
         return _reject(points, visibility, labels, self._explanation)
 
-
-def _explained(points, visibility, labels, explanation):
-    """Labels without outliers, and the explanation in the order that they will get."""
-    labels = _reject(points, visibility, labels, explanation)
-    if explanation is not None:
-        canonical = canonical_labels(labels)
-        order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
-        explanation = explanation.reordered(order)
-    return labels, explanation
-
-
-def _reject(points, visibility, labels, explanation):
-    """Labels with -1 for tracks that nothing explains."""
-    if explanation is None:
-        return labels
-    placed = labels >= 0
-    labels = labels.copy()
-    labels[placed] = explanation.reject(
-        points[placed], visibility[placed], labels[placed]
-    )
-    return labels
-
     @single_threaded
     def report(self, X: npt.ArrayLike) -> SegmentationReport:
         """Say what was found, and why.
@@ -524,25 +502,48 @@ def _reject(points, visibility, labels, explanation):
         >>> from skmotionseg.datasets import make_rigid_motions
         >>> X, _ = make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
         >>> print(MotionSegmenter(max_motions=4, random_state=0).fit(X).report(X))
-        3 motions in 140 tracks, 0 of no motion, 8 frames
+        3 motions in 140 tracks, 1 of no motion, 8 frames
         <BLANKLINE>
         motion  tracks  share  frames  explained by  residual     90 %
         --------------------------------------------------------------
              0      80  57.1%  8 of 8  fundamental    0.3... px  0.5... px
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
-             2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
+             2      19  13.6%  8 of 8  fundamental    0.1... px  0.3... px
+          none       1   0.7%
         <BLANKLINE>
                  normalised      nats an
         motions         cut  observation    total
         ---------------------------------------------------------
-              1      0.0...      -4.1...  -4.1...  dearer by 1.9
-              2      0.0...      -5.6...  -5.6...  dearer by 0.47
-              3      0.1...      -6.1...  -6.0...  chosen
-              4      0.4...      -5.9...  -5.7...  dearer by 0.29
+              1      0.0...      -4.1...  -4.1...  dearer by ...
+              2      0.0...      -5.6...  -5.6...  dearer by ...
+              3      0.1...      -6.0...  -6.0...  chosen
+              4      0.4...      -5.9...  -5.7...  dearer by ...
         total = 0.3 x normalised cut + nats an observation
         """
         check_is_fitted(self)
         return make_report(self, *self._read_tracks(X, reset=False))
+
+
+def _explained(points, visibility, labels, explanation):
+    """Labels without outliers, and the explanation in the order that they will get."""
+    labels = _reject(points, visibility, labels, explanation)
+    if explanation is not None:
+        canonical = canonical_labels(labels)
+        order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
+        explanation = explanation.reordered(order)
+    return labels, explanation
+
+
+def _reject(points, visibility, labels, explanation):
+    """Labels with -1 for tracks that nothing explains."""
+    if explanation is None:
+        return labels
+    placed = labels >= 0
+    labels = labels.copy()
+    labels[placed] = explanation.reject(
+        points[placed], visibility[placed], labels[placed]
+    )
+    return labels
 
 
 def _make_clusterer(

@@ -8,7 +8,7 @@ is paid for by its parameters.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,20 +20,24 @@ from .epipolar import (
     normalize_pairs,
     robust_fits,
 )
-from .geometry import shortest_length
+from .geometry import NOISE_LEVELS, shortest_length
 from .motion_models import MOTION_MODELS
 
 # Of two models that describe a group alike the first is taken: name, constraints a
 # track, parameters.
 EXPLAINING_MODELS = (("affine", 2, 6), ("homography", 2, 8), ("fundamental", 1, 7))
+# Where tracks move by little more than their noise, a free coordinate would cost no
+# more than a constrained one, and any model would do. So it costs at least a range well
+# above the noise: 16 pixels in a video of 640 x 480.
+LEAST_RANGE = 20 * NOISE_LEVELS[-1]
 # Directions in which tracks spread less than this share of their spread are none: a
 # line of tracks leaves open what happens beside it.
 FLAT = 1e-12
 
 
 @dataclass(frozen=True)
-class Explanation:
-    """Why a group of tracks moves as it does.
+class ModelChoice:
+    """The simplest model that explains a group of tracks.
 
     Attributes
     ----------
@@ -53,7 +57,7 @@ class Explanation:
     residuals: np.ndarray
 
 
-def explain(geometry, members):
+def choose_model(geometry, members):
     """Find the model that describes a group of tracks in the fewest nats.
 
     Parameters
@@ -64,28 +68,26 @@ def explain(geometry, members):
 
     Returns
     -------
-    Explanation
+    ModelChoice
     """
+    log_range = np.maximum(geometry.log_range, np.log(LEAST_RANGE))
+    geometry = replace(geometry, log_range=log_range)
     x, y, packed = geometry.of_group(members)
     modelled = packed.sum(axis=1) >= MINIMAL_SIZE
     if not modelled.any():
-        return Explanation(None, {}, np.zeros(0))
+        return ModelChoice(None, {}, np.zeros(0))
     packed &= modelled[:, None]
-    # Where hardly anything moves a free coordinate costs next to nothing, and yet a
-    # parameter is worth writing down to the precision that so many tracks give it
-    # (Rissanen 1978).
-    least_price = np.log(np.maximum(packed.sum(axis=1), 1)) / 2
     errors, lengths = {}, {}
     for name, n_constraints, n_parameters in EXPLAINING_MODELS:
         errors[name] = robust_errors(name, x, y, packed)
         length = shortest_length(
-            geometry, errors[name], packed, n_constraints, n_parameters, least_price
+            geometry, errors[name], packed, n_constraints, n_parameters
         )
         lengths[name] = float(length.total / packed.sum())
     model = min(lengths, key=lengths.get)
     seen = geometry.seen[:, members] & modelled[:, None]
     distances = geometry.frames.scale * np.sqrt(errors[model][packed])
-    return Explanation(model, lengths, _track_medians(seen, distances))
+    return ModelChoice(model, lengths, _track_medians(seen, distances))
 
 
 def robust_errors(name, x, y, seen):

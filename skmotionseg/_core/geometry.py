@@ -215,9 +215,7 @@ def description_length(geometry, members, lower_rank=nearest_rank_two):
     return shortest_length(geometry, residuals, seen, 1, 7)
 
 
-def shortest_length(
-    geometry, residuals, seen, n_constraints, n_parameters, least_price=0
-):
+def shortest_length(geometry, residuals, seen, n_constraints, n_parameters):
     """Nats to describe tracks by one model a frame pair, given their distances from it.
 
     At the noise level that makes the whole least. In a pair that sees fewer than eight
@@ -233,8 +231,6 @@ def shortest_length(
         Coordinates of a track, of the two, that the model leaves to noise alone.
     n_parameters : int
         Free coordinates that a model costs.
-    least_price : float or ndarray of shape (n_pairs,)
-        Nats a parameter costs where a free coordinate costs less.
 
     Returns
     -------
@@ -250,7 +246,6 @@ def shortest_length(
         )
         along = (2 - n_constraints) * free[:, None]
         tracks = np.where(seen, off_model + along + 2 * unit, 0).sum(axis=1)
-        price = np.maximum(free, least_price)[modelled].sum()
-        models = n_parameters * geometry.model_share * price
+        models = n_parameters * geometry.model_share * free[modelled].sum()
         lengths.append(DescriptionLength(tracks, float(models), modelled))
     return min(lengths, key=lambda length: length.total)
