@@ -502,14 +502,13 @@ default="description_length"
         >>> from skmotionseg.datasets import make_rigid_motions
         >>> X, _ = make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
         >>> print(MotionSegmenter(max_motions=4, random_state=0).fit(X).report(X))
-        3 motions in 140 tracks, 1 of no motion, 8 frames
+        3 motions in 140 tracks, 0 of no motion, 8 frames
         <BLANKLINE>
         motion  tracks  share  frames  explained by  residual     90 %
         --------------------------------------------------------------
              0      80  57.1%  8 of 8  fundamental    0.3... px  0.5... px
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
-             2      19  13.6%  8 of 8  fundamental    0.1... px  0.3... px
-          none       1   0.7%
+             2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
         <BLANKLINE>
                  normalised      nats an
         motions         cut  observation    total
