@@ -15,6 +15,7 @@ second of each two: what was set on one half can be judged on the other.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import importlib
 import sys
 import tempfile
@@ -108,11 +109,12 @@ CONSTANTS = (
     Constant("_core.epipolar", "ROBUST_SWEEPS"),
     Constant("_core.motions", "LIMIT"),
     Constant("_core.motions", "CONCENTRATIONS"),
+    Constant("_core.motions", "USUAL_NOISE"),
     Constant(None, "n_hypotheses"),
     Constant(None, "top"),
     Constant(None, "covisibility_prior"),
 )
-# What does not change the lengths of groups of tracks.
+# What does not change the length of a group of tracks, if these are judged.
 SAME_LENGTHS = ("_core.judging", "_partition_search", "_core.motions")
 
 
@@ -184,12 +186,16 @@ class KnownLengths:
     def __init__(self):
         self._compute = judging.description_length
         self._known = {}
+        self._digests = {}
         self.saved = 0.0
 
     @contextmanager
     def of(self, setting):
+        """Take the lengths of a setting from those that are known, for a while."""
+
         def lookup(geometry, members, lower_rank):
-            key = setting.lengths, members.tobytes(), lower_rank.__name__
+            observed = self._digest(geometry)
+            key = setting.lengths, observed, members.tobytes(), lower_rank.__name__
             if key in self._known:
                 self.saved += self._known[key][1]
             else:
@@ -200,6 +206,17 @@ class KnownLengths:
 
         with patch.object(judging, "description_length", lookup):
             yield
+        self._digests.clear()
+
+    def _digest(self, geometry):
+        """A name for what is judged: settings may leave out other tracks."""
+        if id(geometry) not in self._digests:
+            digest = hashlib.blake2b(digest_size=16)
+            for part in (geometry.pair, geometry.track, geometry.x, geometry.y):
+                digest.update(np.ascontiguousarray(part).tobytes())
+            # The geometry is held, too, so that no other gets its id.
+            self._digests[id(geometry)] = digest.digest(), geometry
+        return self._digests[id(geometry)][0]
 
 
 def measure_sequence(benchmark, sequence, seed, settings):

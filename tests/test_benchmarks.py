@@ -224,12 +224,14 @@ def test_values_are_scaled_in_kind():
 
 
 def _settings():
-    """As it is; no motion is worth its while; other lengths."""
+    """As it is; no motion is worth its while; other tracks; other lengths."""
     gain = sensitivity.Constant("_core.judging", "GAIN_OF_CUT")
     levels = sensitivity.Constant("_core.geometry", "NOISE_LEVELS")
+    limit = sensitivity.Constant("_core.motions", "LIMIT")
     return [
         sensitivity.AS_IT_IS,
         sensitivity.Setting("no gain is enough", gain, 1e9),
+        sensitivity.Setting("fewer are judged", limit, 1.0),
         sensitivity.Setting("noise", levels, 2 * levels.value),
     ]
 
