@@ -22,8 +22,9 @@ from benchmarks import (
     table,
 )
 from benchmarks.__main__ import _sections, main
-from skmotionseg import MotionSegmenter
+from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core import geometry, judging
+from skmotionseg._core.epipolar import nearest_rank_two
 from skmotionseg.metrics import misclassification_error
 
 TINY = {
@@ -224,14 +225,12 @@ def test_values_are_scaled_in_kind():
 
 
 def _settings():
-    """As it is; no motion is worth its while; other tracks; other lengths."""
+    """As it is; no motion is worth its while; other lengths."""
     gain = sensitivity.Constant("_core.judging", "GAIN_OF_CUT")
     levels = sensitivity.Constant("_core.geometry", "NOISE_LEVELS")
-    limit = sensitivity.Constant("_core.motions", "LIMIT")
     return [
         sensitivity.AS_IT_IS,
         sensitivity.Setting("no gain is enough", gain, 1e9),
-        sensitivity.Setting("fewer are judged", limit, 1.0),
         sensitivity.Setting("noise", levels, 2 * levels.value),
     ]
 
@@ -252,6 +251,20 @@ def test_lengths_that_are_known_are_those_of_the_setting(clips):
         assert row.pop("seconds") > 0
         alone.pop("seconds")
         assert row == alone
+
+
+def test_lengths_that_are_known_are_those_of_the_tracks_that_are_judged(clips):
+    members = np.arange(30)
+    known = sensitivity.KnownLengths()
+    compute = judging.description_length
+    with known.of(sensitivity.AS_IT_IS):
+        for clip in [*clips, *clips]:
+            clip = geometry.clip_geometry(*unpack_tracks(clip.data))
+            expected = compute(clip, members, nearest_rank_two)
+            length = judging.GroupLengths(clip)(members)
+            assert length.total == expected.total
+    assert judging.description_length is compute
+    assert known.saved > 0
 
 
 def test_halves_of_a_benchmark_share_no_sequence(monkeypatch):
