@@ -7,8 +7,8 @@ The commands:
     python -m benchmarks --write docs/speed.md            its figures, from JSON
 
 ``benchmarks.floor``, ``.peers``, ``.growth``, ``.imports`` and ``.sensitivity`` run by
-themselves, with ``python -m``. With ``--json FILE`` each keeps its figures there, in a section of
-its own; rows that were there before are replaced, others stay.
+themselves, with ``python -m``. With ``--json FILE`` each keeps its figures there, in a
+section of its own; rows that were there before are replaced, others stay.
 """
 
 from __future__ import annotations
