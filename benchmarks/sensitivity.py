@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from pathlib import Path
@@ -31,7 +31,7 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from skmotionseg import MotionSegmenter
-from skmotionseg._core import judging
+from skmotionseg._core import epipolar
 from skmotionseg.datasets import (
     load_hopkins12,
     load_hopkins155,
@@ -114,8 +114,6 @@ CONSTANTS = (
     Constant(None, "top"),
     Constant(None, "covisibility_prior"),
 )
-# What does not change the length of a group of tracks, if these are judged.
-SAME_LENGTHS = ("_core.judging", "_partition_search", "_core.motions")
 
 
 @dataclass(frozen=True)
@@ -132,12 +130,6 @@ class Setting:
         if self.constant is None or self.constant.module is not None:
             return {}
         return {self.constant.name: self.value}
-
-    @property
-    def lengths(self):
-        """Settings of which this is the same have the same lengths of groups."""
-        same = self.constant is None or self.constant.module in SAME_LENGTHS
-        return "" if same else self.row
 
 
 AS_IT_IS = Setting("as it is")
@@ -156,67 +148,62 @@ def settings_of(constants):
 
 
 @contextmanager
-def in_force(setting):
-    """Give the constant its value in every module that has it, for a while."""
+def replaced(name, before, after):
+    """Put something in the place of another in every module that has it by name."""
     with ExitStack() as stack:
-        constant = setting.constant
-        if constant is not None and constant.module is not None:
-            before = constant.value
-            for name, module in list(sys.modules.items()):
-                ours = name.partition(".")[0] == "skmotionseg"
-                if ours and vars(module).get(constant.name) is before:
-                    stack.enter_context(
-                        patch.object(module, constant.name, setting.value)
-                    )
+        for path, module in list(sys.modules.items()):
+            ours = path.partition(".")[0] == "skmotionseg"
+            if ours and vars(module).get(name) is before:
+                stack.enter_context(patch.object(module, name, after))
         yield
+
+
+def in_force(setting):
+    """Give the constant its value for a while."""
+    constant = setting.constant
+    if constant is None or constant.module is None:
+        return nullcontext()
+    return replaced(constant.name, constant.value, setting.value)
 
 
 # ----------------------------------------------------------------------- one sequence
 
 
-class KnownLengths:
-    """Lengths of groups, each computed once for all settings that do not change them.
+class KnownFits:
+    """Fundamental matrices, each fitted once for all settings that do not change it.
 
     Attributes
     ----------
     saved : float
-        Seconds that known lengths took when they were computed.
+        Seconds that known fits took when they were made.
     """
 
     def __init__(self):
-        self._compute = judging.description_length
+        self._fit = epipolar.robust_fits
         self._known = {}
-        self._digests = {}
         self.saved = 0.0
 
-    @contextmanager
-    def of(self, setting):
-        """Take the lengths of a setting from those that are known, for a while."""
+    def in_use(self):
+        """Take fits from those that are known, for a while."""
+        return replaced("robust_fits", self._fit, self._look_up)
 
-        def lookup(geometry, members, lower_rank):
-            observed = self._digest(geometry)
-            key = setting.lengths, observed, members.tobytes(), lower_rank.__name__
-            if key in self._known:
-                self.saved += self._known[key][1]
-            else:
-                started = time.perf_counter()
-                length = self._compute(geometry, members, lower_rank)
-                self._known[key] = length, time.perf_counter() - started
-            return self._known[key][0]
-
-        with patch.object(judging, "description_length", lookup):
-            yield
-        self._digests.clear()
-
-    def _digest(self, geometry):
-        """A name for what is judged: settings may leave out other tracks."""
-        if id(geometry) not in self._digests:
-            digest = hashlib.blake2b(digest_size=16)
-            for part in (geometry.pair, geometry.track, geometry.x, geometry.y):
-                digest.update(np.ascontiguousarray(part).tobytes())
-            # The geometry is held, too, so that no other gets its id.
-            self._digests[id(geometry)] = digest.digest(), geometry
-        return self._digests[id(geometry)][0]
+    def _look_up(self, x, y, seen, lower_rank=epipolar.nearest_rank_two, trusted=None):
+        arrays = (x, y, seen, seen if trusted is None else trusted)
+        digest = hashlib.blake2b(digest_size=16)
+        for array in arrays:
+            digest.update(f"{array.dtype.str} {array.shape} ".encode())
+            digest.update(np.ascontiguousarray(array).tobytes())
+        constants = epipolar.ROBUST_SCALE, epipolar.ROBUST_SWEEPS
+        key = digest.digest(), lower_rank.__name__, *constants
+        if key in self._known:
+            self.saved += self._known[key][1]
+        else:
+            started = time.perf_counter()
+            fit = self._fit(x, y, seen, lower_rank, trusted)
+            self._known[key] = fit, time.perf_counter() - started
+            for array in fit:
+                array.flags.writeable = False  # it is for others, too
+        return self._known[key][0]
 
 
 def measure_sequence(benchmark, sequence, seed, settings):
@@ -240,7 +227,7 @@ def measure_sequence(benchmark, sequence, seed, settings):
     """
     X, y = sequence.data, sequence.target
     n_motions = len(np.unique(y[y >= 0]))
-    lengths = KnownLengths()
+    fits = KnownFits()
     records = []
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         memory = Memory(folder, verbose=0)
@@ -248,11 +235,11 @@ def measure_sequence(benchmark, sequence, seed, settings):
             segmenter = MotionSegmenter(
                 memory=memory, random_state=seed, **setting.parameters
             )
-            with in_force(setting), lengths.of(setting):
+            with in_force(setting), fits.in_use():
                 known = segmenter.set_params(n_motions=n_motions).fit_predict(X)
-                saved = lengths.saved
+                saved = fits.saved
                 unknown = segmenter.set_params(n_motions="auto").fit_predict(X)
-                saved = lengths.saved - saved
+                saved = fits.saved - saved
             stages = segmenter.stage_seconds_
             spent = sum(stages[name] for name in stages if name != "total")
             records.append(

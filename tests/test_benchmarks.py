@@ -23,8 +23,7 @@ from benchmarks import (
 )
 from benchmarks.__main__ import _sections, main
 from skmotionseg import MotionSegmenter, unpack_tracks
-from skmotionseg._core import geometry, judging
-from skmotionseg._core.epipolar import nearest_rank_two
+from skmotionseg._core import epipolar, geometry, judging
 from skmotionseg.metrics import misclassification_error
 
 TINY = {
@@ -244,7 +243,7 @@ def test_other_processes_see_the_value_too():
     assert right["no gain is enough"] == 0
 
 
-def test_lengths_that_are_known_are_those_of_the_setting(clips):
+def test_fits_that_are_known_are_those_of_the_setting(clips):
     together = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, _settings())
     for setting, row in zip(_settings(), together, strict=True):
         (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, [setting])
@@ -253,18 +252,29 @@ def test_lengths_that_are_known_are_those_of_the_setting(clips):
         assert row == alone
 
 
-def test_lengths_that_are_known_are_those_of_the_tracks_that_are_judged(clips):
-    members = np.arange(30)
-    known = sensitivity.KnownLengths()
-    compute = judging.description_length
-    with known.of(sensitivity.AS_IT_IS):
-        for clip in [*clips, *clips]:
-            clip = geometry.clip_geometry(*unpack_tracks(clip.data))
-            expected = compute(clip, members, nearest_rank_two)
-            length = judging.GroupLengths(clip)(members)
-            assert length.total == expected.total
-    assert judging.description_length is compute
+def test_a_fit_is_known_only_if_nothing_has_changed(clips):
+    clip = geometry.clip_geometry(*unpack_tracks(clips[0].data))
+    x, y, seen = clip.of_group(np.arange(40))
+    fit = epipolar.robust_fits
+    scale = sensitivity.Constant("_core.epipolar", "ROBUST_SCALE")
+    doubled = sensitivity.Setting("", scale, 2 * scale.value)
+    arguments = [
+        (x, y, seen),
+        (y, x, seen),
+        (x, y, seen, epipolar.cheapest_rank_two),
+        (x, y, seen, epipolar.nearest_rank_two, seen & (np.arange(seen.shape[1]) < 20)),
+    ]
+    known = sensitivity.KnownFits()
+    with known.in_use():
+        assert geometry.robust_fits is epipolar.robust_fits is not fit
+        for setting in (sensitivity.AS_IT_IS, doubled) * 2:
+            with sensitivity.in_force(setting):
+                for each in arguments:
+                    found = zip(epipolar.robust_fits(*each), fit(*each), strict=True)
+                    assert all(np.array_equal(*pair) for pair in found)
+    assert len(known._known) == 8
     assert known.saved > 0
+    assert epipolar.robust_fits is geometry.robust_fits is fit
 
 
 def test_halves_of_a_benchmark_share_no_sequence(monkeypatch):
