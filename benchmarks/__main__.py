@@ -6,9 +6,9 @@ The commands:
     python -m benchmarks --table --data DIR [--rows ...]  the table
     python -m benchmarks --write docs/speed.md            its figures, from JSON
 
-``benchmarks.floor``, ``.peers``, ``.growth`` and ``.imports`` run by themselves,
-with ``python -m``. With ``--json FILE`` each keeps its figures there, in a section of
-its own; rows that were there before are replaced, others stay.
+``benchmarks.floor``, ``.peers``, ``.growth``, ``.imports`` and ``.sensitivity`` run by
+themselves, with ``python -m``. With ``--json FILE`` each keeps its figures there, in a
+section of its own; rows that were there before are replaced, others stay.
 """
 
 from __future__ import annotations

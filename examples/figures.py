@@ -9,6 +9,11 @@ Run it on synthetic scenes, or on the clips of KT3DMoSeg under ``DIR/KT3DMoSeg``
 
     python examples/figures.py --out figures
     python examples/figures.py --out figures --data DIR     # some minutes
+
+The two pictures of the page on the method::
+
+    python examples/figures.py --out docs/images --data DIR --sequence Seq005_Clip01 \
+        --only method-motions method-costs
 """
 
 from __future__ import annotations
@@ -25,6 +30,7 @@ from skmotionseg import (
     make_motion_pipeline,
 )
 from skmotionseg.datasets import load_kt3dmoseg, make_rigid_motions
+from skmotionseg.metrics import misclassification_error
 from skmotionseg.plotting import (
     AffinityDisplay,
     CountDisplay,
@@ -41,25 +47,34 @@ def main(argv=None):
     parser.add_argument("--data", type=Path, metavar="DIR", help="holds KT3DMoSeg/")
     parser.add_argument("--out", type=Path, default=Path("figures"), metavar="DIR")
     parser.add_argument("--clips", type=int, help="use so many sequences only")
+    parser.add_argument("--sequence", metavar="NAME", help="draw this one first")
+    parser.add_argument("--only", nargs="+", metavar="PICTURE", help="such as motions")
     parser.add_argument("--quick", action="store_true", help="fewer of everything")
     arguments = parser.parse_args(argv)
     arguments.out.mkdir(parents=True, exist_ok=True)
     names, tracks, labels = read_sequences(arguments)
     n_hypotheses = 200 if arguments.quick else 500
-    for draw in (draw_one_sequence, draw_fusion_weights, draw_sequence_errors):
-        for name, display in draw(names, tracks, labels, n_hypotheses):
+    waiting = set(arguments.only or ())
+    for name, display in draw_all(names, tracks, labels, n_hypotheses):
+        if arguments.only is None or name in waiting:
             path = arguments.out / f"{name}.png"
             display.figure_.savefig(path, dpi=120)
-            plt.close(display.figure_)
             print(f"wrote {path}", flush=True)
+        plt.close(display.figure_)
+        waiting.discard(name)
+        if arguments.only is not None and not waiting:
+            return
+    if waiting:
+        raise SystemExit(f"there is no picture {', '.join(sorted(waiting))}")
 
 
 def read_sequences(arguments):
     """Lists of names, tracks and true labels."""
     n_clips = 2 if arguments.quick else arguments.clips
     if arguments.data is not None:
-        clips = load_kt3dmoseg(arguments.data / "KT3DMoSeg")[:n_clips]
-        sequences = [(clip.name, clip.data, clip.target) for clip in clips]
+        clips = load_kt3dmoseg(arguments.data / "KT3DMoSeg")
+        clips.sort(key=lambda clip: clip.name != arguments.sequence)
+        sequences = [(clip.name, clip.data, clip.target) for clip in clips[:n_clips]]
     else:
         sequences = [
             (
@@ -71,6 +86,35 @@ def read_sequences(arguments):
             for seed in range(n_clips or 6)
         ]
     return map(list, zip(*sequences, strict=True))
+
+
+def draw_all(*arguments):
+    """Yield names and pictures."""
+    for draw in (
+        draw_method,
+        draw_one_sequence,
+        draw_fusion_weights,
+        draw_sequence_errors,
+    ):
+        yield from draw(*arguments)
+
+
+def draw_method(names, tracks, labels, n_hypotheses):
+    """Yield the motions of the first sequence, and what each number of them costs."""
+    segmenter = MotionSegmenter(n_hypotheses=n_hypotheses, random_state=0)
+    segmenter.fit(tracks[0])
+    error = misclassification_error(labels[0], segmenter.labels_)
+    title = f"{names[0]}: {segmenter.n_motions_} motions, {error:.1%} misclassified"
+    yield (
+        "method-motions",
+        MotionDisplay.from_estimator(segmenter, tracks[0], title=title),
+    )
+    display = CountDisplay.from_estimator(segmenter)
+    plt.close(display.figure_)
+    # Lengths lie far from 0, and would make the cut look like nothing.
+    display.costs = segmenter.costs_ - segmenter.costs_[0]
+    display.plot().ax_.set_ylabel("cost, less that of one motion")
+    yield "method-costs", display
 
 
 def draw_one_sequence(names, tracks, labels, n_hypotheses):

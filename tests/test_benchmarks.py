@@ -18,9 +18,12 @@ from benchmarks import (
     report,
     runner,
     scenes,
+    sensitivity,
     table,
 )
 from benchmarks.__main__ import _sections, main
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core import epipolar, geometry, judging
 from skmotionseg.metrics import misclassification_error
 
 TINY = {
@@ -188,3 +191,131 @@ def test_page_is_rewritten_between_its_marks(tmp_path):
     assert "no picture yet: growth needs two rows" in written
     with pytest.raises(ValueError, match="has a section 'sequences'; known are"):
         report.write_page(page, record, {})
+
+
+# ------------------------------------------------------------------------- sensitivity
+
+
+@pytest.mark.parametrize("constant", sensitivity.CONSTANTS, ids=lambda c: c.name)
+def test_each_constant_is_halved_and_doubled_for_a_while(constant):
+    _, halved, doubled = sensitivity.settings_of([constant])
+    before = constant.value
+    for setting in (halved, doubled):
+        assert not np.array_equal(setting.value, before)
+        with sensitivity.in_force(setting):
+            ours = MotionSegmenter(**setting.parameters)
+            given = getattr(ours, constant.name, constant.value)
+            assert np.array_equal(given, setting.value)
+    assert constant.value is before
+
+
+def test_a_constant_changes_wherever_it_was_imported(monkeypatch):
+    monkeypatch.setattr(geometry, "CUT_WEIGHT", judging.CUT_WEIGHT, raising=False)
+    constant = sensitivity.Constant("_core.judging", "CUT_WEIGHT")
+    with sensitivity.in_force(sensitivity.Setting("", constant, 7.0)):
+        assert judging.CUT_WEIGHT == geometry.CUT_WEIGHT == 7
+
+
+def test_values_are_scaled_in_kind():
+    assert sensitivity.scaled(3, 0.5) == 1
+    assert sensitivity.scaled(1, 0.5) == 1
+    assert sensitivity.scaled((4.0, 8.0), 2) == (8.0, 16.0)
+    assert sensitivity.last_scaled((1, 4), 0.5) == (1, 2)
+
+
+def _settings():
+    """As it is; no motion is worth its while; other lengths."""
+    gain = sensitivity.Constant("_core.judging", "GAIN_OF_CUT")
+    levels = sensitivity.Constant("_core.geometry", "NOISE_LEVELS")
+    return [
+        sensitivity.AS_IT_IS,
+        sensitivity.Setting("no gain is enough", gain, 1e9),
+        sensitivity.Setting("noise", levels, 2 * levels.value),
+    ]
+
+
+def test_other_processes_see_the_value_too():
+    clips = [scenes.clip_like(120, 8, random_state=seed) for seed in range(2)]
+    sequences = [("KT3DMoSeg", clip) for clip in clips]
+    rows = sensitivity.make_sensitivity(sequences, _settings(), seeds=1, n_jobs=2)
+    right = {row["row"]: row["KT3DMoSeg"]["count_right"] for row in rows}
+    assert right["as it is"] > 0
+    assert right["no gain is enough"] == 0
+
+
+def test_fits_that_are_known_are_those_of_the_setting(clips):
+    together = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, _settings())
+    for setting, row in zip(_settings(), together, strict=True):
+        (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, [setting])
+        assert row.pop("seconds") > 0
+        alone.pop("seconds")
+        assert row == alone
+
+
+def test_a_fit_is_known_only_if_nothing_has_changed(clips):
+    clip = geometry.clip_geometry(*unpack_tracks(clips[0].data))
+    x, y, seen = clip.of_group(np.arange(40))
+    fit = epipolar.robust_fits
+    scale = sensitivity.Constant("_core.epipolar", "ROBUST_SCALE")
+    doubled = sensitivity.Setting("", scale, 2 * scale.value)
+    arguments = [
+        (x, y, seen),
+        (y, x, seen),
+        (x, y, seen, epipolar.cheapest_rank_two),
+        (x, y, seen, epipolar.nearest_rank_two, seen & (np.arange(seen.shape[1]) < 20)),
+    ]
+    known = sensitivity.KnownFits()
+    with known.in_use():
+        assert geometry.robust_fits is epipolar.robust_fits is not fit
+        for setting in (sensitivity.AS_IT_IS, doubled) * 2:
+            with sensitivity.in_force(setting):
+                for each in arguments:
+                    found = zip(epipolar.robust_fits(*each), fit(*each), strict=True)
+                    assert all(np.array_equal(*pair) for pair in found)
+    assert len(known._known) == 8
+    assert known.saved > 0
+    assert epipolar.robust_fits is geometry.robust_fits is fit
+
+
+def test_halves_of_a_benchmark_share_no_sequence(monkeypatch):
+    names = [f"sequence {i:02}" for i in range(19)]
+    monkeypatch.setitem(sensitivity.LOADERS, "KT3DMoSeg", lambda _: names)
+    monkeypatch.setitem(sensitivity.LOADERS, "Hopkins155", lambda _: names)
+
+    def read(half):
+        return sensitivity.read_sequences(".", ["KT3DMoSeg", "Hopkins155"], half)
+
+    first, second = read("first"), read("second")
+    assert not set(first) & set(second)
+    assert set(first) | set(second) == set(read("both"))
+    assert ("KT3DMoSeg", names[0]) in first
+    assert len(read("both")) == 19 + 3 + 3
+
+
+def test_sensitivity_is_measured_and_written(monkeypatch, clips, capsys, tmp_path):
+    page = tmp_path / "sensitivity.md"
+    page.write_text("<!-- begin first -->\nold\n<!-- end first -->\n")
+    monkeypatch.setattr(sensitivity, "PAGE", page)
+    monkeypatch.setitem(sensitivity.LOADERS, "KT3DMoSeg", lambda _: clips)
+    (tmp_path / "KT3DMoSeg").mkdir()
+    options = ["--data", str(tmp_path), "--half", "first", "--jobs", "1", "--write"]
+    sensitivity.main([*options, "--rows", "CUT_*", "--seeds", "2"])
+    assert "CUT_WEIGHT, halved" in capsys.readouterr().out
+    rows = json.loads((tmp_path / "sensitivity.json").read_text())["first"]
+    names = ["as it is", "± over seeds", "CUT_WEIGHT, halved", "CUT_WEIGHT, doubled"]
+    assert [row["row"] for row in rows] == names
+    assert all(row["KT3DMoSeg"]["n_sequences"] == 1 for row in rows)
+    written = page.read_text()
+    assert "old" not in written
+    assert all(f"| {name} " in written for name in names)
+    sensitivity.main(["--write"])
+    assert page.read_text() == written
+
+
+def test_sensitivity_needs_data_or_a_record(capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        sensitivity.main([])
+    assert "give --data, or --write alone" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        sensitivity.main(["--data", str(tmp_path)])
+    assert "none of KT3DMoSeg" in capsys.readouterr().err

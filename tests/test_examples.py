@@ -123,6 +123,8 @@ def test_figures_are_drawn(tmp_path):
     printed = run(example("figures"), "--quick", "--out", str(tmp_path))
     names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed, flags=re.M)
     assert names == [
+        "method-motions",
+        "method-costs",
         "motions",
         "costs-description-length",
         "affinities",
@@ -133,6 +135,13 @@ def test_figures_are_drawn(tmp_path):
         "errors",
     ]
     assert all((tmp_path / f"{n}.png").stat().st_size > 5000 for n in names)
+
+
+def test_single_figures_are_drawn(tmp_path):
+    only = ["--only", "method-costs", "--out", str(tmp_path)]
+    printed = run(example("figures"), "--quick", *only)
+    assert re.findall(r"([\w-]+)\.png$", printed, flags=re.M) == ["method-costs"]
+    assert [path.name for path in tmp_path.iterdir()] == ["method-costs.png"]
 
 
 # --------------------------------------------------------------------- point trackers
