@@ -21,6 +21,9 @@ from ._core.spectral import ViewGraph, connected_tracks
 SPARSITIES = (4.0, 8.0)
 # Groups that are merged again, unless more motions are looked for.
 OVERSEGMENTATION = 8
+# Tracks a piece, on average, below which pieces do not tell what is rubbish: half of
+# them determine a fundamental matrix.
+TRACKS_A_PIECE = 16
 
 
 @dataclass(frozen=True)
@@ -162,7 +165,9 @@ def _fit_pieces(clip, clusterer):
 
 
 def _worth_judging(clip, pieces, counts):
-    """Positions of the tracks that a piece explains; all, if these are too few."""
+    """Positions of the tracks that a piece explains; all, if there are too few."""
+    if len(clip.points) < OVERSEGMENTATION * TRACKS_A_PIECE:
+        return np.arange(len(clip.points))
     kept = np.flatnonzero(explained(pieces, clip.distances(pieces)).any(axis=0))
     enough = len(kept) >= max(counts[-1], len(clip.points) / 2)
     return kept if enough else np.arange(len(clip.points))
@@ -220,17 +225,18 @@ def _refine(labels, clip, counts, clusterer):
         affinity = clip.affinity[np.ix_(group, group)]
         return _cluster(graph, 2, affinity, clusterer) == 1
 
-    def gaining(changes):
+    def gaining(labels):
+        free = len(counts) == 1 or not clip.judge.each_gains(labels)
         return (
             canonical_labels(new)
-            for new in changes
-            if len(counts) == 1 or clip.judge.each_gains(new)
+            for new in changes(labels)
+            if free or clip.judge.each_gains(new)
         )
 
     return refine(
         labels,
         lambda labels: clip.judge.cost(labels).total,
-        lambda labels: gaining(changes(labels)),
+        gaining,
     )
 
 

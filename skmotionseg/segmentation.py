@@ -96,7 +96,7 @@ default="description_length"
         Whether a track that no motion explains gets -1, for
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted to those of their tracks that they explain best, and explain what stays
-        within six standard deviations of their noise (half a pixel in 640 x 480, if it
+        within six standard deviations of their noise (a fifth of a pixel in 640 x 480, if it
         is less).
     n_landmarks : int, "auto" or None, default="auto"
         Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits

@@ -5,7 +5,7 @@ How many motions? Reading the costs
 With ``n_motions="auto"``, each number of motions from ``min_motions`` to
 ``max_motions`` is tried, and ``costs_`` says what the best partition into so many
 costs: its normalised cut, its description length in nats an observation, and the sum of
-the two, the cut weighted by 0.4.
+the two, the cut weighted by 0.3.
 
 Cutting more affinities costs more, and explaining the tracks by fewer motions costs
 more: the total has its least value between.
@@ -33,7 +33,7 @@ cut, nats, total = segmenter.costs_.T
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 ax.plot(segmenter.counts_, total, "o-", color="black", label="total")
 ax.plot(segmenter.counts_, nats, "s--", color="#0072b2", label="description length")
-ax.plot(segmenter.counts_, total - nats, "^:", color="#d55e00", label="0.4 x cut")
+ax.plot(segmenter.counts_, total - nats, "^:", color="#d55e00", label="0.3 x cut")
 ax.axvline(segmenter.n_motions_, color="0.8", lw=8, zorder=0, label="chosen")
 ax.set(xlabel="number of motions", ylabel="nats an observation")
 ax.legend(frameon=False)

@@ -24,7 +24,7 @@ from .motion_models import (
 from .tracks import frame_pairs, working_coordinates
 
 # Weights of the robust fit fall to a half at this residual, as a share of the mean
-# distance of the tracks from their centre: half a pixel in a video of 640 x 480.
+# distance of the tracks from their centre: a fifth of a pixel in a video of 640 x 480.
 ROBUST_SCALE = 2e-3
 ROBUST_SWEEPS = 4
 # Moments that obey a model exactly are singular; this share of their trace, far below

@@ -22,7 +22,7 @@ from .tracks import frame_pairs, working_coordinates
 FRAME_GAPS = (1, 4)
 MAX_PAIRS = 24
 # Standard deviations of the noise to choose from, as shares of the mean distance of
-# the tracks from their centre: about 0.05 to 0.8 pixels in a video of 640 x 480.
+# the tracks from their centre: about 0.02 to 0.3 pixels in a video of 640 x 480.
 NOISE_LEVELS = 2e-4 * 2.0 ** np.arange(5)
 
 

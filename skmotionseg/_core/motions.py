@@ -20,7 +20,7 @@ from .selection import groups_of
 # two fifths are rubbish, three reach the rest. A last fit is to all that is explained.
 CONCENTRATIONS = 3
 # A track is explained up to so many standard deviations of a motion's noise, which is
-# taken to be half a pixel (in 640 x 480) at least: on precise tracks, what is left is
+# taken to be a fifth of a pixel (in 640 x 480) at least: on precise tracks, what is left is
 # not noise but what a model leaves out. See ``benchmarks/sensitivity.py``.
 LIMIT = 6.0
 # Motions this much noisier than that of the median track are none.
