@@ -96,8 +96,8 @@ default="description_length"
         Whether a track that no motion explains gets -1, for
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted to those of their tracks that they explain best, and explain what stays
-        within six standard deviations of their noise (a fifth of a pixel in 640 x 480, if it
-        is less).
+        within six standard deviations of their noise (a fifth of a pixel in 640 x 480,
+        if it is less).
     n_landmarks : int, "auto" or None, default="auto"
         Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
         all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
