@@ -20,9 +20,9 @@ from skmotionseg.metrics import misclassification_error
 QUICK = {"n_hypotheses": 150, "max_motions": 5}
 
 
-def scene_with(outliers, seed=0, **scene):
+def scene_with(outliers, seed=0, n_frames=12, **scene):
     X, y = make_rigid_motions(
-        n_tracks=240, n_frames=12, outliers=outliers, random_state=seed, **scene
+        240, n_frames, outliers=outliers, random_state=seed, **scene
     )
     return X, y, unpack_tracks(X)
 
@@ -36,7 +36,7 @@ def linked(y, within=1.0, across=0.02):
 
 @pytest.mark.parametrize("shapes", ["general", "planar"])
 def test_a_motion_stays_what_it_is_among_two_fifths_of_rubbish(shapes):
-    _, y, tracks = scene_with(0.3, shapes=shapes, n_motions=1)
+    _, y, tracks = scene_with(0.3, n_frames=20, shapes=shapes, n_motions=1)
     motions = fit_motions(clip_geometry(*tracks), np.zeros_like(y), linked(y))
     (distances,) = motions.distances(*tracks)
     pixels = distances * motions.frames.scale
