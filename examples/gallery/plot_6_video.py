@@ -55,7 +55,8 @@ print(
     f"{video.width} x {video.height} pixels"
 )
 segmenter = MotionSegmenter(random_state=0).fit(video.tracks)
-print(f"{segmenter.n_motions_} motions of {np.bincount(segmenter.labels_)} tracks")
+explained = segmenter.labels_[segmenter.labels_ >= 0]
+print(f"{segmenter.n_motions_} motions of {np.bincount(explained)} tracks")
 
 # %%
 # A name that ends in ``.mp4`` makes a video; ``.png`` makes a sheet of up to nine
