@@ -59,7 +59,14 @@ class PartitionSearch:
 
 
 def search_partitions(
-    points, visibility, views, counts, sparsity, clusterer, reject_outliers=True
+    points,
+    visibility,
+    views,
+    counts,
+    sparsity,
+    clusterer,
+    reject_outliers=True,
+    evenly_drawn=False,
 ):
     """Find the best partition for each of several numbers of motions.
 
@@ -87,6 +94,8 @@ def search_partitions(
     clusterer : MultiModelSpectralClustering
         Gives fusion, weights and seed; its ``n_clusters`` is ignored.
     reject_outliers : bool, default=True
+    evenly_drawn : bool, default=False
+        Whether the tracks are landmarks, as many from each piece of the video.
 
     Returns
     -------
@@ -95,7 +104,9 @@ def search_partitions(
     connected = connected_tracks(views)
     views = views[:, connected[:, None], connected]
     sparsities = SPARSITIES if sparsity == "auto" else (sparsity,)
-    clip = _Clip(points[connected], visibility[connected], views, sparsities)
+    clip = _Clip(
+        points[connected], visibility[connected], views, sparsities, evenly_drawn
+    )
     judged, pieces = np.arange(len(connected)), None
     if reject_outliers:
         pieces = _fit_pieces(clip, clusterer)
@@ -133,18 +144,22 @@ def search_partitions(
 class _Clip:
     """The tracks of a clip, their affinities, and what partitions of them cost."""
 
-    def __init__(self, points, visibility, views, sparsities):
+    def __init__(self, points, visibility, views, sparsities, evenly_drawn=False):
         self.points, self.visibility = points, visibility
         self.views, self.sparsities = views, sparsities
         self.affinity = views.mean(axis=0)
         self.sparse = [_sparse_views(views, alpha) for alpha in sparsities]
         self.geometry = clip_geometry(points, visibility)
-        self.judge = Judge(self.geometry, self.sparse[-1])
+        self.judge = Judge(self.geometry, self.sparse[-1], evenly_drawn)
 
     def __getitem__(self, tracks):
         views = self.views[:, tracks[:, None], tracks]
         return _Clip(
-            self.points[tracks], self.visibility[tracks], views, self.sparsities
+            self.points[tracks],
+            self.visibility[tracks],
+            views,
+            self.sparsities,
+            self.judge.evenly_drawn,
         )
 
     def distances(self, motions):

@@ -317,6 +317,7 @@ default="description_length"
             visibility[self.landmarks_],
             views,
             seeds["clustering"],
+            len(tracks),
         )
         placing = time.perf_counter()
         self.counts_, self.costs_ = search.counts, search.costs
@@ -395,7 +396,7 @@ default="description_length"
             return None  # the search sparsifies, in several ways
         return GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
 
-    def _select(self, points, visibility, views, seed):
+    def _select(self, points, visibility, views, seed, n_tracks):
         """Search the counts that are open by the rule that is asked for."""
         clusterer = MultiModelSpectralClustering(
             fusion=self.fusion,
@@ -433,6 +434,7 @@ default="description_length"
             self.sparsity,
             clusterer,
             self.reject_outliers,
+            evenly_drawn=len(self.landmarks_) < n_tracks,
         )
 
     def _make_selector(self, clusterer, fewest, most):
