@@ -16,13 +16,13 @@ from .geometry import description_length
 from .selection import cuts_between, groups_of, normalized_cut
 
 # What a normalised cut of 1 is worth, in nats an observation. Halved, the error with
-# the number of motions known rises on KT3DMoSeg from 3.2 to 4.0 %; doubled, the number
+# the number of motions known rises on KT3DMoSeg from 3.1 to 3.9 %; doubled, the number
 # is right in 55 % of its clips, not 73 (``python -m benchmarks.sensitivity``).
 CUT_WEIGHT = 0.3
 # Two motions must save so many times the cut between them, in nats an observation of
 # the smaller, against being one: a large group that is torn in two saves little a
 # track, a small thing that moves by itself saves much. It pulls both ways: halved, the
-# number is right in one of the four Hopkins12 sequences, and doubled in 45 % of the
+# number is right in one of the four Hopkins12 sequences, and doubled in 55 % of the
 # KT3DMoSeg clips; 9 to 11 differ by a sequence each.
 GAIN_OF_CUT = 10.0
 # The same where tracks were drawn evenly from pieces of the video: a small thing has
