@@ -169,7 +169,7 @@ class _Clip:
 
 
 def _fit_pieces(clip, clusterer):
-    """The pieces of an over-segmentation: labels, motions, and which are usual ones."""
+    """Motions of the pieces of an over-segmentation, without those of rubbish."""
     graph = ViewGraph.from_affinities(
         clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
     )

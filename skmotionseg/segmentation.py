@@ -459,7 +459,8 @@ default="description_length"
         Returns
         -------
         ndarray of int, shape (m,)
-            -1 for a track that shares no preference with a fitted one.
+            -1 for a track that no motion explains, or that shares no preference with a
+            fitted one.
         """
         check_is_fitted(self)
         points, visibility = self._read_tracks(X, reset=False)
@@ -536,7 +537,7 @@ def _explained(points, visibility, labels, explanation):
 
 
 def _reject(points, visibility, labels, explanation):
-    """Labels with -1 for tracks that nothing explains."""
+    """Labels with -1 for tracks that nothing explains; the same if nothing is known."""
     if explanation is None:
         return labels
     placed = labels >= 0

@@ -23,9 +23,8 @@ from skmotionseg._core.eigenstructure import (
     best_aligned,
     eigengap_costs,
     row_cost,
-    unit_rows,
 )
-from skmotionseg._core.spectral import ViewGraph
+from skmotionseg._core.spectral import ViewGraph, normalize_rows
 from skmotionseg.metrics import misclassification_error
 
 SELECTORS = [EigengapModelSelector, SelfTuningModelSelector]
@@ -48,7 +47,7 @@ def random_rotation(n, seed=0):
 
 
 def random_rows(n=12, n_groups=3, seed=0):
-    return unit_rows(np.random.default_rng(seed).normal(size=(n, n_groups)))
+    return normalize_rows(np.random.default_rng(seed).normal(size=(n, n_groups)))
 
 
 def indicators(sizes):
@@ -58,7 +57,7 @@ def indicators(sizes):
 
 
 def least_cost(vectors):
-    return row_cost(unit_rows(vectors @ aligning_rotation(vectors)))
+    return row_cost(normalize_rows(vectors @ aligning_rotation(vectors)))
 
 
 # --------------------------------------------------------------------------- eigengap
@@ -97,7 +96,7 @@ def test_of_equal_gaps_the_smallest_count_is_taken():
 def test_the_cost_of_rows_equals_the_textbook(n_groups):
     Z = np.random.default_rng(0).normal(size=(15, n_groups))
     expected = textbook.alignment_cost(Z.tolist()) / 15
-    assert_allclose(row_cost(unit_rows(Z)), expected)
+    assert_allclose(row_cost(normalize_rows(Z)), expected)
 
 
 @pytest.mark.parametrize("n_groups", [1, 2, 4, 10])
@@ -110,7 +109,7 @@ def test_a_row_costs_between_one_and_the_number_of_groups(n_groups):
 
 
 def test_rows_that_no_vector_is_for_cost_the_most():
-    rows = unit_rows(np.array([[1.0, 0, 0], [0, 0, 0], [1e-17, 0, 0]]))
+    rows = normalize_rows(np.array([[1.0, 0, 0], [0, 0, 0], [1e-17, 0, 0]]))
     assert_allclose(row_cost(rows), (1 + 3 + 3) / 3)
 
 
@@ -177,7 +176,7 @@ def test_rotated_indicators_are_found_again(sizes, seed):
 
 def test_equal_groups_begin_on_a_ridge_and_leave_it():
     """Half of the rows (1, 1), half (1, -1): each entry of each row is the largest."""
-    rows = unit_rows(np.repeat([[1.0, 1.0], [1.0, -1.0]], 5, axis=0))
+    rows = normalize_rows(np.repeat([[1.0, 1.0], [1.0, -1.0]], 5, axis=0))
     assert_allclose(angle_gradient(rows), 0, atol=1e-12)
     assert row_cost(rows) == pytest.approx(2)
     assert_allclose(least_cost(rows), 1, atol=1e-12)

@@ -11,7 +11,6 @@ from skmotionseg._core.epipolar import (
     cheapest_rank_two,
     nearest_rank_two,
     robust_fits,
-    robust_residuals,
 )
 from skmotionseg._core.geometry import (
     MAX_PAIRS,
@@ -47,7 +46,7 @@ def test_residuals_of_one_motion_are_its_noise(noise):
     )
     points = unpack_tracks(X)[0].swapaxes(0, 1)
     x, y = points[:1], points[1:2]
-    errors = robust_residuals(x, y, np.ones((1, 200), dtype=bool))
+    _, errors = robust_fits(x, y, np.ones((1, 200), dtype=bool))
     assert np.sqrt(np.mean(errors)) == pytest.approx(noise, rel=0.15)
 
 
@@ -58,7 +57,7 @@ def test_a_fit_is_robust_to_a_few_tracks_of_another_motion():
     few = np.sort(np.r_[np.flatnonzero(y == 0), np.flatnonzero(y == 1)[:3]])
     y = y[few]
     geometry = clip_geometry(*unpack_tracks(X[few]))
-    errors = robust_residuals(*geometry.of_group(np.arange(len(few))))
+    _, errors = robust_fits(*geometry.of_group(np.arange(len(few))))
     noise = 0.1 / 250  # a working unit is about so many pixels
     assert np.median(errors[:, y == 0]) < noise**2
     assert np.median(errors[:, y == 1]) > 100 * noise**2
@@ -68,7 +67,7 @@ def test_pairs_that_see_fewer_than_eight_are_not_fitted():
     seen = np.ones((2, 20), dtype=bool)
     seen[1, 7:] = False
     points = np.random.default_rng(0).standard_normal((2, 2, 20, 2))
-    errors = robust_residuals(*points, seen)
+    _, errors = robust_fits(*points, seen)
     assert np.isfinite(errors[0]).all()
     assert np.isinf(errors[1]).all()
 
@@ -119,7 +118,7 @@ def test_fits_are_those_of_the_residuals_and_of_trusted_tracks_only():
     first, second, seen = geometry.of_group(np.arange(150))
     trusted = np.broadcast_to(y == 0, seen.shape)
     F, errors = robust_fits(first, second, seen, trusted=trusted)
-    background = robust_residuals(first[:, y == 0], second[:, y == 0], seen[:, y == 0])
+    _, background = robust_fits(first[:, y == 0], second[:, y == 0], seen[:, y == 0])
     alone = np.median(background)  # in other normalised coordinates
     assert np.median(errors[:, y == 0]) == pytest.approx(alone, rel=0.05)
     assert np.median(errors[:, y == 1]) > 1e4 * alone

@@ -15,8 +15,6 @@ from .spectral import normalize_rows
 # Costs of alignment that differ by no more are equal: as in the program of Zelnik-Manor
 # and Perona.
 ALIGNMENT_TOLERANCE = 1e-3
-# Rows of eigenvectors that are shorter are zero but for rounding.
-SHORTEST_ROW = 1e-12
 # Angles at which a plane is searched before the descent; a quarter turn swaps its axes.
 SEARCH_ANGLES = np.linspace(-np.pi / 4, np.pi / 4, 12, endpoint=False)
 # A descent ends when a step promises to lower the mean cost of a row by less, or after
@@ -76,7 +74,7 @@ def alignment_costs(vectors, counts):
     for count in counts:
         grown = np.hstack([rotated, vectors[:, rotated.shape[1] : count]])
         rotated = grown @ aligning_rotation(grown)
-        costs.append((row_cost(unit_rows(rotated)) / count, 1 / count))
+        costs.append((row_cost(normalize_rows(rotated)) / count, 1 / count))
     alignment, least = np.array(costs).T
     return np.column_stack([alignment, least, alignment - least])
 
@@ -93,12 +91,6 @@ def best_aligned(costs):
     int
     """
     return int(np.flatnonzero(costs <= costs.min() + ALIGNMENT_TOLERANCE)[-1])
-
-
-def unit_rows(vectors):
-    """Rows at length 1, which their costs do not depend on; zero rows stay zero."""
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return normalize_rows(np.where(length > SHORTEST_ROW, vectors, 0))
 
 
 def row_cost(rows):
@@ -138,7 +130,7 @@ def aligning_rotation(vectors):
     -------
     ndarray of shape (n_groups, n_groups)
     """
-    rows = unit_rows(vectors)
+    rows = normalize_rows(vectors)
     searched = _search_planes(rows)
     return searched @ _descend(rows @ searched)
 

@@ -84,24 +84,6 @@ def cheapest_rank_two(inverse):
     return rank_two(f.reshape(-1, 3, 3))
 
 
-def robust_residuals(x, y, seen, lower_rank=nearest_rank_two):
-    """Squared Sampson errors to a fundamental matrix fitted robustly to each pair.
-
-    Parameters
-    ----------
-    x, y : ndarray of shape (n_pairs, n, 2)
-    seen : ndarray of bool, shape (n_pairs, n)
-    lower_rank : callable
-        As for :func:`robust_fits`.
-
-    Returns
-    -------
-    ndarray of shape (n_pairs, n)
-        In squared working units; infinite in pairs that see fewer than eight.
-    """
-    return robust_fits(x, y, seen, lower_rank)[1]
-
-
 def robust_fits(x, y, seen, lower_rank=nearest_rank_two, trusted=None):
     """A fundamental matrix fitted robustly to each pair, and its Sampson errors.
 
@@ -181,7 +163,7 @@ def mean_sampson_errors(points, visibility):
         x = (points[seen, i] - centres[i]) / scale
         y = (points[seen, j] - centres[j]) / scale
         everywhere = np.ones((1, len(seen)), dtype=bool)
-        (errors,) = robust_residuals(x[None], y[None], everywhere)
+        _, (errors,) = robust_fits(x[None], y[None], everywhere)
         if np.isfinite(errors).all():
             total[seen] += errors
             n_judged[seen] += 1

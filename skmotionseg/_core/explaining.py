@@ -20,7 +20,7 @@ from .epipolar import (
     normalize_pairs,
     robust_fits,
 )
-from .geometry import NOISE_LEVELS, shortest_length
+from .geometry import NOISE_LEVELS, shortest_length, track_medians
 from .motion_models import MOTION_MODELS
 
 # Of two models that describe a group alike the first is taken: name, constraints a
@@ -87,7 +87,8 @@ def choose_model(geometry, members):
     model = min(lengths, key=lengths.get)
     seen = geometry.seen[:, members] & modelled[:, None]
     distances = geometry.frames.scale * np.sqrt(errors[model][packed])
-    return ModelChoice(model, lengths, _track_medians(seen, distances))
+    medians = track_medians(seen, distances)
+    return ModelChoice(model, lengths, medians[seen.any(axis=0)])
 
 
 def robust_errors(name, x, y, seen):
@@ -164,10 +165,3 @@ def _fit_homographies(x, y, weights):
 
 
 MAP_FITS = {"affine": _fit_affine_maps, "homography": _fit_homographies}
-
-
-def _track_medians(seen, distances):
-    """Median for each track that is seen at all, given distances where it is seen."""
-    dense = np.full(seen.shape, np.nan)
-    dense[seen] = distances
-    return np.nanmedian(dense[:, seen.any(axis=0)], axis=0)

@@ -168,6 +168,28 @@ def _log_range(displacements):
     return np.log(np.maximum(high - low, floor)).mean()
 
 
+def track_medians(seen, distances):
+    """Lower median of each track's distances over the frame pairs that judge it.
+
+    Parameters
+    ----------
+    seen : ndarray of bool, shape (n_pairs, n)
+    distances : ndarray of shape (n_observations,)
+        Where ``seen`` is true, pair by pair; infinite where a pair does not judge.
+
+    Returns
+    -------
+    ndarray of shape (n,)
+        NaN where no pair judges a track.
+    """
+    dense = np.full(seen.shape, np.inf)
+    dense[seen] = distances
+    counts = np.isfinite(dense).sum(axis=0)
+    dense = np.sort(dense, axis=0)
+    middle = dense[np.maximum(counts - 1, 0) // 2, np.arange(len(counts))]
+    return np.where(counts > 0, middle, np.nan)
+
+
 @dataclass(frozen=True)
 class DescriptionLength:
     """Nats to describe a group of tracks.

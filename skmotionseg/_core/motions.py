@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .epipolar import ROBUST_SCALE, cheapest_rank_two, robust_fits
-from .geometry import WorkingFrames
+from .geometry import WorkingFrames, track_medians
 from .motion_models import homogeneous
 from .selection import groups_of
 
@@ -76,9 +76,7 @@ class Motions:
         by_pair = [np.split(homogeneous(side), ends) for side in (x, y)]
         return np.stack(
             [
-                _medians(
-                    seen, [_sampson(*pair) for pair in zip(F, *by_pair, strict=True)]
-                )
+                track_medians(seen, np.concatenate([*map(_sampson, F, *by_pair)]))
                 for F in self.fundamental
             ]
         )
@@ -117,7 +115,7 @@ def _fit_motion(geometry, members, affinity):
         fitted = np.zeros_like(packed)
         fitted[packed] = np.broadcast_to(trusted, seen.shape)[seen]
         F, errors = robust_fits(x, y, packed, cheapest_rank_two, trusted=fitted)
-        distances = _medians(seen, [np.sqrt(errors[packed])])
+        distances = track_medians(seen, np.sqrt(errors[packed]))
         judged = distances[np.isfinite(distances)]
         median = np.median(judged) if len(judged) else 0.0
         noise = OF_MEDIAN * median
@@ -139,16 +137,6 @@ def _sampson(F, x, y):
         return np.full(len(x), np.inf)
     algebraic = np.abs((y * lines).sum(axis=1))
     return algebraic / np.sqrt(np.maximum(gradient, np.finfo(float).tiny))
-
-
-def _medians(seen, distances):
-    """Median for each track (n,) over its finite distances; NaN if there is none."""
-    dense = np.full(seen.shape, np.inf)
-    dense[seen] = np.concatenate(distances)
-    counts = np.isfinite(dense).sum(axis=0)
-    dense = np.sort(dense, axis=0)
-    middle = dense[np.maximum(counts - 1, 0) // 2, np.arange(len(counts))]
-    return np.where(counts > 0, middle, np.nan)
 
 
 def usual(noise, labels):
