@@ -7,6 +7,7 @@ from threading import Barrier, Event, Thread
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from skmotionseg._core.lazy import lazy
 from skmotionseg._threads import single_threaded
 
 
@@ -95,3 +96,44 @@ def test_the_limit_holds_until_the_last_thread_has_left():
     with threadpool_limits(1):  # no thread keeps others from setting them
         assert set(blas_sizes()) == {1}
     assert blas_sizes() == before
+
+
+class Slow:
+    """Has a value that takes until it is told to end; counts how often it is asked."""
+
+    def __init__(self, may_end):
+        self.may_end, self.n_computed = may_end, 0
+        self.begun = Event()
+
+    @lazy
+    def value(self):
+        """What is slow."""
+        self.begun.set()
+        self.n_computed += 1
+        assert self.may_end.wait(timeout=30)
+        return self.n_computed
+
+
+def test_a_lazy_value_is_computed_once():
+    at_once = Event()
+    at_once.set()
+    slow = Slow(at_once)
+    assert (slow.value, slow.value, slow.n_computed) == (1, 1, 1)
+    assert Slow.value.__doc__ == "What is slow."
+
+
+def test_one_lazy_value_does_not_wait_for_that_of_another():
+    """A process that is forked in between would wait for ever."""
+    ended, at_once = Event(), Event()
+    at_once.set()
+    first, second = Slow(ended), Slow(at_once)
+    thread = Thread(target=lambda: first.value, daemon=True)
+    thread.start()
+    assert first.begun.wait(timeout=30)
+    other = Thread(target=lambda: second.value, daemon=True)
+    other.start()
+    assert second.begun.wait(timeout=10)
+    ended.set()
+    thread.join()
+    other.join()
+    assert first.n_computed == second.n_computed == 1

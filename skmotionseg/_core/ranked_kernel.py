@@ -6,9 +6,10 @@ Chin, Wang and Suter (2009); Xu, Cheong and Li (2021), sec. 3.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
+
+from .lazy import lazy
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Preferences:
             marks.append(np.packbits(_mark_smallest(residuals, n_top), axis=1))
         return cls(n_tracks, rows, marks)
 
-    @cached_property
+    @lazy
     def seen(self):
         """Whether each track is seen in each pair: bool, (n_tracks, n_pairs)."""
         seen = np.zeros((self.n_tracks, len(self.rows)), dtype=bool)
@@ -61,7 +62,7 @@ class Preferences:
             return self
         return Preferences(self.n_tracks, self.rows[::step], self.marks[::step])
 
-    @cached_property
+    @lazy
     def rank(self):
         """Place of each track in the order of the first pair that sees them."""
         first = np.full(self.n_tracks, len(self.rows))

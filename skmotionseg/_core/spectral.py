@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+
+from .lazy import lazy
 
 # Eigenvectors of a view that are there for each small problem of a fusion, over those
 # that are asked for: more make the problems larger and fewer.
@@ -68,12 +69,12 @@ class ViewGraph:
         degrees = views.sum(axis=2)
         return cls(n_samples, connected, degrees, normalized, n_leading, map_views)
 
-    @cached_property
+    @lazy
     def view_spectra(self):
         """All eigenvalues, the largest first, and eigenvectors of each view."""
         return list(self.map_views(spectrum, self.normalized))
 
-    @cached_property
+    @lazy
     def sum_spectrum(self):
         """Leading eigenvalues and eigenvectors, (n, n_leading), of the sum of views."""
         return leading_eigenvectors(self.normalized.sum(axis=0), self.n_leading)
