@@ -509,7 +509,7 @@ default="description_length"
         <BLANKLINE>
         motion  tracks  share  frames  explained by  residual     90 %
         --------------------------------------------------------------
-             0      80  57.1%  8 of 8  fundamental    0.3... px  0.5... px
+             0      80  57.1%  8 of 8  fundamental    0.2... px  0.5... px
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
              2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
         <BLANKLINE>

@@ -48,8 +48,8 @@ class ModelChoice:
         Nats an observation to describe the group by each model, in pairs that see eight
         tracks; empty if there is none.
     residuals : ndarray of shape (n_judged,)
-        Distance of each track that such a pair sees from the model, median over the
-        pairs, in pixels.
+        Distance of each track that such a pair sees from the model, lower median over
+        the pairs, in pixels.
     """
 
     model: str | None
