@@ -454,6 +454,15 @@ def test_translations_come_in_stacks(model, rng):
     M = model.from_translation(shifts)
     assert M.shape == (4, 5, 3, 3)
     assert_array_equal(M[1, 2], model.from_translation(shifts[1, 2]))
+    shifts[1, 2] = 0
+    some = model.from_translation(shifts)
+    assert_array_equal(some[0], M[0])
+    assert_array_equal(some[1, 2], model.from_translation(np.zeros(2)))
+
+
+def test_epipolar_geometries_of_translations_are_of_one_size():
+    F = FUNDAMENTAL.from_translation(np.array([[3.0, 4], [0, 0], [1e-3, 0]]))
+    assert_allclose(np.linalg.norm(F, axis=(1, 2)), np.sqrt(2))
 
 
 @every_model

@@ -15,6 +15,7 @@ from skmotionseg._core.tracking import (
     CLEARANCE,
     TrackLog,
     field_gradient,
+    is_inside,
     sample_field,
     seed_points,
 )
@@ -565,6 +566,7 @@ def test_the_log_gives_long_tracks():
     expected = [[[1, 2], [nan, nan]], [[3, 4], [5, 6]], [[nan, nan], [7, 8]]]
     np.testing.assert_array_equal(log.assemble(1), expected)
     np.testing.assert_array_equal(log.assemble(2), expected[1:2])
+    assert log.assemble(1).dtype == np.float32
     assert TrackLog().assemble(1).shape == (0, 0, 2)
 
 
@@ -578,6 +580,10 @@ def test_seeds_are_the_best_pixels_of_open_cells():
     near = np.array([[19.4, 15.0], [28.0 - 10 * CLEARANCE + 0.1, 15.0]])
     assert seed_points(score, 10, 0.5, near).tolist() == [[4, 3]]
     assert seed_points(score, 7, 0.5, none).tolist() == [[4, 3], [28, 15]]  # cut cells
+    apart = np.array([[4 + 10 * CLEARANCE, 3.0]])
+    assert seed_points(score, 10, 0.5, apart).tolist() == [[4, 3], [28, 15]]
+    assert not len(seed_points(score, 10, 3, none))
+    assert seed_points(score, 10, 0.5, none).dtype == float
 
 
 def test_a_field_is_sampled_between_pixels():
@@ -590,3 +596,17 @@ def test_a_field_is_sampled_between_pixels():
     np.testing.assert_allclose(sample_field(field, points), expected)
     inside = np.array([[2.5, 2.0]])
     np.testing.assert_allclose(field_gradient(field, inside), np.sqrt(15))
+
+
+def test_outside_a_field_its_edge_counts():
+    field = np.random.default_rng(0).standard_normal((4, 5, 2))
+    outside = np.array([[-2.0, 1], [7, 1], [3, -1], [3, 9], [-1, -1]])
+    edge = field[[1, 1, 0, 3, 0], [0, 4, 3, 3, 0]]
+    np.testing.assert_allclose(sample_field(field, outside), edge)
+
+
+def test_a_picture_ends_at_the_centres_of_its_last_pixels():
+    corners = np.array([[0.0, 0], [6, 0], [0, 4], [6, 4]])
+    assert is_inside(corners, (5, 7)).all()
+    beyond = np.array([[-0.1, 2], [6.1, 2], [3, -0.1], [3, 4.1]])
+    assert not is_inside(beyond, (5, 7)).any()
