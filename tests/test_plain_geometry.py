@@ -317,3 +317,69 @@ def test_pairs_that_see_seven_are_not_asked_for_a_model(scene):
     assert len(found.residuals) == judged.sum()
     assert np.isfinite(found.residuals).all()
     assert (found.residuals > 0).all()
+
+
+# ------------------------------------------------------------------------- frame pairs
+
+
+def pairs_of(n_frames, seen):
+    """Pairs of a clip of 20 tracks that are seen in some of its frames."""
+    points = np.random.default_rng(0).uniform(0, 100, size=(20, n_frames, 2))
+    visibility = np.zeros((20, n_frames), dtype=bool)
+    visibility[:, seen] = True
+    return clip_geometry(points, visibility).frames.pairs
+
+
+def test_a_clip_begins_and_ends_where_something_is_seen():
+    inside = [(f, f + 1) for f in range(2, 8)] + [(f, f + 4) for f in range(2, 5)]
+    assert_array_equal(pairs_of(12, slice(2, 9)), inside)
+    assert_array_equal(pairs_of(12, [2, 8]), inside)  # empty ones in its midst stay
+    assert_array_equal(pairs_of(12, [3, 4]), [(3, 4)])
+
+
+@pytest.mark.parametrize("seen", [[], [2]])
+def test_a_clip_without_a_pair_keeps_its_frames(seen):
+    assert_array_equal(pairs_of(4, seen), [(0, 1), (1, 2), (2, 3)])
+
+
+@pytest.mark.parametrize("gone", [0, 1, 2])
+def test_pairs_are_as_many_as_tracks_of_usual_life_have(gone):
+    """24, from the first to the last, and as many more as lives fit in the clip."""
+    n_frames = 40
+    visibility = np.ones((20, n_frames), dtype=bool)
+    for i in range(20):
+        if gone and i % (gone + 1):
+            visibility[i, i % 7 + 10 :] = False
+            visibility[i, : i % 7] = False  # ten frames each
+    points = np.random.default_rng(0).uniform(0, 100, size=(20, n_frames, 2))
+    pairs = clip_geometry(points, visibility).frames.pairs
+    every = [(f, f + 1) for f in range(39)] + [(f, f + 4) for f in range(36)]
+    most = {0: 24, 1: 24, 2: 24 * 4}[gone]
+    if most >= len(every):
+        assert_array_equal(pairs, every)
+    else:
+        places = [int(k * (len(every) - 1) / (most - 1)) for k in range(most)]
+        assert_array_equal(pairs, np.array(every)[places])
+
+
+def test_a_still_clip_has_a_range_to_describe():
+    points = np.random.default_rng(0).uniform(0, 100, size=(20, 1, 2))
+    points = np.repeat(points, 3, axis=1)
+    geometry = clip_geometry(points, np.ones((20, 3), dtype=bool))
+    assert_allclose(geometry.log_range, np.log(20 * plain.NOISE_LEVELS[0]))
+    # A free coordinate costs a nat at least, however noisy the level.
+    cost = shortest_length(geometry, np.full((2, 20), np.inf), geometry.seen, 1, 0)
+    tracks, _ = plain.description_length(
+        [[np.inf] * 20] * 2, geometry.log_range, geometry.model_share, 1, 0
+    )
+    assert_allclose(cost.tracks, tracks)
+
+
+def test_a_motion_a_pair_is_paid_for_once_at_most():
+    points = np.random.default_rng(0).uniform(0, 100, size=(20, 5, 2))
+    visibility = np.ones((20, 5), dtype=bool)
+    share = clip_geometry(points, visibility).model_share
+    assert share == pytest.approx(4 / 5)  # four steps, and one pair four apart
+    assert clip_geometry(points[:, :3], visibility[:, :3]).model_share == 1
+    long = np.random.default_rng(0).uniform(0, 100, size=(20, 200, 2))
+    assert clip_geometry(long, np.ones((20, 200), dtype=bool)).model_share == 1
