@@ -92,8 +92,6 @@ def open_frames(source):
     ImportError
         If opencv-python-headless is missing.
     """
-    if isinstance(source, Frames):
-        return source
     require("cv2", extra="video")
     if isinstance(source, (str, Path)) or hasattr(source, "__fspath__"):
         path = Path(source)
@@ -151,11 +149,11 @@ def _open_video(path):
 
 
 def _check_size(path, width, height):
-    """Refuse frames that are larger than any camera's, before they are read."""
+    """Refuse frames of no pixels, or more than any camera's, before they are read."""
     if not 0 < width * height <= MOST_PIXELS:
         raise ValueError(
-            f"{path} claims frames of {width} x {height} pixels; expected "
-            f"{MOST_PIXELS} at most"
+            f"{path} claims frames of {width} x {height} pixels; expected 1 to "
+            f"{MOST_PIXELS} in all"
         )
 
 

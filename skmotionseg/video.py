@@ -209,6 +209,15 @@ def _check_number(name, value, kind, least):
         raise error(f"{name} must be {noun} of {least} or more; got {value!r}")
 
 
+def _check_fps(fps):
+    if fps is None:
+        return
+    good = isinstance(fps, Real) and not isinstance(fps, bool)
+    if not good or not 0 < fps < np.inf:
+        error = ValueError if good else TypeError
+        raise error(f"fps must be a number above 0; got {fps!r}")
+
+
 def _least(*numbers):
     return min((number for number in numbers if number is not None), default=None)
 
@@ -343,7 +352,8 @@ def render_segmentation(
     ------
     FileNotFoundError, TypeError, ValueError
         If the source is not as described or has fewer frames than the tracks, if
-        there is not a label a track, or ``out`` has another ending or no folder.
+        there is not a label a track, ``fps`` is no positive number, or ``out`` has
+        another ending or no folder.
     OSError
         If the video cannot be written.
     ImportError
@@ -367,6 +377,7 @@ def render_segmentation(
     out = Path(out)
     check_output(out, RENDER_ENDINGS)
     _check_number("trail", trail, Integral, 0)
+    _check_fps(fps)
     frames = open_frames(source)
     fps = fps or frames.fps or DEFAULT_FPS
     n_frames = points.shape[1]
@@ -457,7 +468,10 @@ def _write_video(pictures, path, fps):
                 codec = cv2.VideoWriter_fourcc(*"mp4v")  # every build of OpenCV has it
                 writer.open(str(path), cv2.CAP_FFMPEG, codec, fps, size)
                 if not writer.isOpened():
-                    raise OSError(f"OpenCV cannot write a video to {path.parent}")
+                    raise OSError(
+                        f"OpenCV cannot write a video of {size[0]} x {size[1]} pixels "
+                        f"at {fps:g} frames a second to {path.parent}"
+                    )
             writer.write(picture)
     finally:
         writer.release()

@@ -509,6 +509,11 @@ FUNCTIONS = [
         "20 tracks .*19",
     ),
     case(
+        "make_motion_pipeline, a count in words",
+        lambda: make_motion_pipeline(n_clusters="many"),
+        "n_clusters must be a number or 'auto'; got 'many'",
+    ),
+    case(
         "PerSequence, one array",
         lambda: PerSequence(MotionSegmenter()).fit(X),
         r"sequence 0 has shape \(8,\)",
@@ -538,6 +543,13 @@ FUNCTIONS = [
         "PerSequence, labels of fewer tracks",
         lambda: PerSequence(MotionSegmenter()).fit([X, X], [Y, Y[:-1]]),
         r"sequence 1 has 20 tracks and labels of shape \(19,\)",
+    ),
+    case(
+        "PerSequence, score without labels",
+        lambda: (
+            PerSequence(MotionSegmenter(2, n_hypotheses=10)).fit([X]).score([X], None)
+        ),
+        "true labels are needed: a label array a sequence",
     ),
     case(
         "PerSequence, no estimator",
@@ -623,6 +635,11 @@ BAD_FILES = {
     ),
     "npz, odd width": (npz(X=X[:, :7]), "7 columns"),
     "npz, X of three axes": (npz(X=POINTS), "3 axes"),
+    "npz, complex": (npz(X=1j * X), "'X' must be real numbers; got dtype complex128"),
+    "npz, a video of one channel": (
+        npz(points=POINTS, occluded=POINTS[..., 0] > 0, video=np.zeros((3, 9, 9))),
+        r"'video' must have shape \(n_frames, height, width, 3\); got \(3, 9, 9\)",
+    ),
     "npz, labels of others": (npz(X=X, labels=Y[:-1]), "20 .*19|19 .*20"),
     "npz, pickled objects": (npz(X=np.array([{}, None])), "allow_pickle=False"),
     "npz, no archive": (raw("tracks.npz", b"nothing of the kind"), None),
@@ -652,6 +669,10 @@ BAD_FILES = {
     "csv, observations cut short": (csv("track,frame,x,y", "0,0,1,1", "0,1"), "length"),
     "csv, header alone": (csv("track,frame,x,y"), "no observations|empty"),
     "csv, observation without frame": (csv("track,frame,x,y", "0,,1,1"), "frame"),
+    "csv, observation without track": (
+        csv("track,frame,x,y", "0,0,1,1", ",1,1,1"),
+        "the column 'track' must be a number in each row",
+    ),
     "csv, a point twice": (csv("track,frame,x,y", "0,0,1,1", "0,0,2,2"), "twice"),
     "csv, half a frame": (csv("track,frame,x,y", "0,0,1,1", "0,0.5,1,1"), "frame"),
 }
@@ -666,6 +687,16 @@ def test_bad_files(name, tmp_path):
         load_tracks(path)
     assert str(error.value).startswith(f"{path} is not a track file: ")
     assert "\n" not in str(error.value)
+
+
+def test_a_file_for_which_there_is_no_memory(tmp_path, monkeypatch):
+    def too_large(path):
+        raise MemoryError
+
+    monkeypatch.setattr(datasets._files, "read_moseg_tracks", too_large)
+    (tmp_path / "tracks.dat").write_text("2 1 0 2 1 1 0 1 1 1")
+    with pytest.raises(ValueError, match="there is not enough memory for it "):
+        load_tracks(tmp_path / "tracks.dat")
 
 
 @pytest.mark.parametrize("name", ["tracks.txt", "tracks", "tracks.npy"])

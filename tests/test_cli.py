@@ -12,9 +12,11 @@ import numpy as np
 import pytest
 from moseg_files import write_definition, write_tracks
 from numpy.testing import assert_array_equal
+from rich.console import Console
 from test_datasets import write_struct
 
 from skmotionseg import MotionSegmenter, __version__, _bench, unpack_tracks
+from skmotionseg._console import with_progress
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_fbms59, load_tracks, make_rigid_motions
 from skmotionseg.metrics import (
@@ -518,6 +520,17 @@ def test_help(command, capsys):
         main([*command, "--help"])
     assert stop.value.code == 0
     assert f"usage: {' '.join(['skmotionseg', *command])}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_progress_is_a_bar_on_a_terminal_and_lines_in_a_file(is_terminal):
+    console = Console(file=io.StringIO(), force_terminal=is_terminal, width=100)
+    items = with_progress(iter("ab" * 20), 40, "counting", console)
+    assert "".join(items) == "ab" * 20
+    printed = console.file.getvalue()
+    assert printed.count("of 40 done\n") == (0 if is_terminal else 10)
+    assert ("100%" in printed) == is_terminal
+    assert "counting" in printed
 
 
 def test_version(capsys):

@@ -17,12 +17,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse
 from moseg_files import definition_text, write_tracks
 from test_datasets import TRACKER_FILES, homogeneous_pixels, observations, write_struct
 
 from skmotionseg import unpack_tracks
 from skmotionseg._frames import open_frames
 from skmotionseg.datasets import load_tracks, make_rigid_motions
+from skmotionseg.datasets._mat5 import read_mat5
 
 resource = pytest.importorskip("resource", reason="limits of memory are POSIX's")
 
@@ -309,6 +311,153 @@ def test_claims_are_checked_before_anything_is_read(tmp_path):
     assert not (folder / "sprung").exists()
 
 
+def named(kind, *parts, shape=(1, 1), name=b"Data"):
+    return mat(matrix(kind, shape, *parts, name=name))
+
+
+def cell_of(*parts):
+    return named(1, *parts, shape=(len(parts), 1))
+
+
+def struct_of(length, names):
+    return named(2, length, element(1, names))
+
+
+FLAGS, SHAPE = element(6, struct.pack("<II", 6, 0)), element(5, bytes(8))
+NOT_FITTING = {
+    "a head cut off": (
+        mat(matrix(6, (1, 1), EIGHT, name=b"y"), b"1234"),
+        "it ends within the head of a part",
+    ),
+    "no variable": (mat(EIGHT), "expected a variable; got a part of kind 9"),
+    "packed, no variable": (mat(packed(EIGHT)), "a variable; got a part of kind 9"),
+    "packed, four bytes": (mat(packed(b"1234")), "compressed variable has no head"),
+    "packed, cut off": (
+        mat(packed(matrix(6, (8, 9), element(9, bytes(576)), name=b"y")[:-8])),
+        "a variable claims 632 bytes, but there are 624",
+    ),
+    "no name": (mat(element(14, FLAGS + SHAPE)), "no class, shape or name"),
+    "no class": (
+        mat(element(14, element(6, b"") + SHAPE + element(1, b"y"))),
+        "a variable has no class or no shape",
+    ),
+    "one axis": (named(6, EIGHT, shape=(1,)), "has no class or no shape"),
+    "negative": (named(6, EIGHT, shape=(-1, -1)), r"claims the shape \(-1, -1\)"),
+    "few numbers": (
+        named(6, EIGHT, shape=(3, 5)),
+        r"'Data' claims the shape \(3, 5\), 15 numbers, but holds 8 bytes",
+    ),
+    "text for numbers": (
+        named(6, element(16, bytes(8))),
+        "'Data' claims .* 1 numbers, but holds 8 bytes",
+    ),
+    "no numbers": (named(6), "'Data' ends before its last part"),
+    "short text": (
+        named(4, element(16, bytes(8)), shape=(1, 9)),
+        r"'Data' claims the shape \(1, 9\) of text, but holds 8 bytes",
+    ),
+    "numbers for text": (named(4, EIGHT), r"shape \(1, 1\) of text, but holds 8 bytes"),
+    "few cells": (
+        named(1, element(14, b""), shape=(90, 1)),
+        r"'Data' claims the shape \(90, 1\), but holds 56 bytes",
+    ),
+    "a cell of no variable": (cell_of(EIGHT), "'Data' holds a part of kind 9"),
+    "a cell without a name": (
+        cell_of(element(14, FLAGS + SHAPE)),
+        "a field of 'Data' has no class, shape or name",
+    ),
+    "nested": (mat(nested(12)), "'Data' holds more than 8 things in one another"),
+    "sparse of text": (
+        named(5, EIGHT, element(16, bytes(8)), EIGHT),
+        "'Data' holds what are no numbers",
+    ),
+    "sparse of halves": (
+        named(5, EIGHT, struct.pack("<II", 9, 4) + bytes(8), EIGHT),
+        "'Data' holds what are no numbers",
+    ),
+    "sparse without its numbers": (named(5, EIGHT, EIGHT), "before its last part"),
+    "an object": (named(3, EIGHT), "'Data' is of MATLAB's class 3, which is not read"),
+    "names of unknown length": (
+        struct_of(element(5, bytes(8)), b"ySparse\0"),
+        "'Data' does not say how long the names of its fields are",
+    ),
+    "names of no length": (
+        struct_of(struct.pack("<HHi", 5, 4, 0), b"ySparse\0"),
+        "'Data' claims fields with names of 0 bytes",
+    ),
+    "names of another length": (
+        struct_of(struct.pack("<HHi", 5, 4, 5), b"ySparse\0"),
+        "'Data' claims fields with names of 5 bytes",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NOT_FITTING)
+def test_mat_files_whose_parts_do_not_fit(name, tmp_path):
+    write, words = NOT_FITTING[name]
+    path = tmp_path / "clip.mat"
+    write(path)
+    with pytest.raises(ValueError, match=words) as error:
+        load_tracks(path)
+    assert str(error.value).startswith(f"{path} is not a track file: ")
+
+
+@pytest.mark.parametrize("do_compression", [False, True])
+def test_a_struct_may_hold_other_things_beside_tracks(do_compression, tmp_path):
+    data = {
+        "ySparse": homogeneous_pixels(POINTS),
+        "visibleSparse": SEEN,
+        "GtLabel": Y[:, None] + 1,
+        "note": "taken by hand",
+        "names": np.array(["left", np.zeros((0, 0)), "right"], dtype=object),
+        "near": scipy.sparse.eye(30, format="csc"),
+        "turn": scipy.sparse.eye(3, format="csc") * 1j,
+        "camera": {"K": np.eye(3), "nothing": {}},
+    }
+    path = tmp_path / "clip.mat"
+    scipy.io.savemat(path, {"Data": data}, do_compression=do_compression)
+    loaded = load_tracks(path)
+    np.testing.assert_array_equal(loaded.data, X)
+    np.testing.assert_array_equal(loaded.target, Y)
+
+
+def test_an_empty_cell_of_no_bytes_is_read_as_scipy_reads_it(tmp_path):
+    path = tmp_path / "clip.mat"
+    cell_of(element(14, b""), element(14, b""))(path)
+    content, names = read_mat5(path, ["Data"])
+    assert names == ["Data"]
+    assert [part.size for part in content["Data"]] == [0, 0]
+
+
+@pytest.mark.parametrize("name", ["zeros.npz", "zeros.mat"])
+def test_zeros_that_would_take_far_more_than_their_file(name, tmp_path, monkeypatch):
+    monkeypatch.setattr("skmotionseg.datasets._sizes.FREE_BYTES", 0)
+    path, zeros = tmp_path / name, np.zeros((1000, 800))
+    if path.suffix == ".npz":
+        np.savez_compressed(path, X=zeros)
+    else:
+        scipy.io.savemat(path, {"y": zeros}, do_compression=True)
+    most = 100 * path.stat().st_size
+    words = rf"would take 64\d+ bytes, out of a file of .*: expected {most} at most"
+    with pytest.raises(ValueError, match=words):
+        load_tracks(path)
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (npy_header((3, 4)), r"claims the shape \(3, 4\) .*96 bytes, but holds 16"),
+        (npy_header((-2, -1)), r"claims the shape \(-2, -1\)"),
+        (b"\x93NUMPY\x07\x00" + npy_header((2, 1))[8:], r"version, \(7, 0\)"),
+    ],
+    ids=["too few", "negative", "version"],
+)
+def test_arrays_that_are_not_what_they_claim(content, words, tmp_path):
+    npz_of(tmp_path / "clip.npz", [content, bytes(16)])
+    with pytest.raises(ValueError, match=f"'X' .*{words}"):
+        load_tracks(tmp_path / "clip.npz")
+
+
 def test_what_is_small_and_honest_is_read(tmp_path, monkeypatch):
     """Tracks seen throughout, which packs to a thousandth; a text that is sparse."""
     monkeypatch.setattr("skmotionseg.datasets._sizes.FREE_BYTES", 0)
@@ -342,6 +491,28 @@ def jpeg_claim(cv2, width, height):
     start = content.index(b"\xff\xc0") + 5
     size = struct.pack(">HH", height, width)
     return content[:start] + size + content[start + 4 :]
+
+
+@pytest.mark.parametrize(
+    "between, is_read",
+    [
+        (b"", True),
+        (b"\xff\xff", True),  # padding
+        (b"\xff\x01", True),  # a marker that nothing follows
+        (b"\x00\x00", False),  # no marker
+        (b"\xff\xe0\xff\xff", False),  # a segment that goes on after the end
+    ],
+)
+def test_what_comes_before_the_size_of_a_jpeg(between, is_read, tmp_path):
+    cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
+    content = cv2.imencode(".jpg", np.zeros((16, 24, 3), np.uint8))[1].tobytes()
+    (tmp_path / "0.jpg").write_bytes(content[:2] + between + content[2:])
+    if is_read:
+        (frame,) = open_frames(tmp_path)
+        assert frame.shape == (16, 24, 3)
+    else:
+        with pytest.raises(ValueError, match=r"0.jpg is not a picture .* whole .png"):
+            list(open_frames(tmp_path))
 
 
 def test_frames_that_claim_to_be_huge(tmp_path):

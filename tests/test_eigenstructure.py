@@ -15,6 +15,7 @@ from skmotionseg import (
     NCREModelSelector,
     SelfTuningModelSelector,
 )
+from skmotionseg._core import eigenstructure
 from skmotionseg._core.eigenstructure import (
     ALIGNMENT_TOLERANCE,
     aligning_rotation,
@@ -190,6 +191,19 @@ def test_the_cost_does_not_depend_on_a_rotation(n_groups):
     for seed in range(5):
         turned = vectors @ random_rotation(n_groups, seed)
         assert_allclose(least_cost(turned), least_cost(vectors), atol=2e-3)
+
+
+def test_each_step_of_the_descent_lowers_the_cost(monkeypatch):
+    """And it stops after the last one that it may take."""
+    rows = normalize_rows(random_rows(n_groups=4))
+    costs = []
+    for n_steps in range(6):
+        monkeypatch.setattr(eigenstructure, "MAX_STEPS", n_steps)
+        rotation = eigenstructure._descend(rows)
+        assert_allclose(rotation.T @ rotation, np.eye(4), atol=1e-12)
+        costs.append(eigenstructure.row_cost(rows @ rotation))
+    assert costs[0] == eigenstructure.row_cost(rows)
+    assert (np.diff(costs) < 0).all()
 
 
 def test_the_length_of_a_row_does_not_matter():

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter, _scale, unpack_tracks
+from skmotionseg._branches import PAIRS_TO_PLACE
 from skmotionseg._core import landmarks
 from skmotionseg._core.landmarks import choose_landmarks, draw_evenly
 from skmotionseg._scale import number_of_landmarks
@@ -127,6 +128,15 @@ def test_all_tracks_are_fitted_where_that_is_asked_for():
     assert number_of_landmarks(None, np.ones((2000, 3), dtype=bool), 3) == 2000
 
 
+def test_of_a_long_clip_every_so_many_frame_pairs_place_the_others():
+    """Of 48 frame pairs, every fourth."""
+    X, y = make_rigid_motions(160, 49, 2, missing=0.1, random_state=0)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X[:80])
+    for _, kernel in segmenter.branches_.values():
+        assert kernel._median_pairs // PAIRS_TO_PLACE > 1
+    assert misclassification_error(y[80:], segmenter.predict(X[80:])) < 0.05
+
+
 def test_too_many_tracks_for_the_memory_are_an_error_before_any_work():
     with pytest.raises(MemoryError, match=r"takes about .* GiB .*n_landmarks='auto'"):
         number_of_landmarks(None, np.ones((10_000_000, 1), dtype=bool), 3)
@@ -136,6 +146,27 @@ def test_much_memory_is_announced(monkeypatch):
     monkeypatch.setattr(_scale, "SMALL_BYTES", 10**6)
     with pytest.warns(UserWarning, match="takes about 0.0 GiB"):
         number_of_landmarks(None, np.ones((100, 3), dtype=bool), 3)
+
+
+@pytest.mark.parametrize("content", [None, "MemTotal: 9 kB\n", "MemAvailable: much\n"])
+def test_what_is_free_is_asked_of_the_system_in_two_ways(
+    content, tmp_path, monkeypatch
+):
+    """Linux says it in a file; others count their pages, or do not say."""
+    meminfo = tmp_path / "meminfo"
+    if content is not None:
+        meminfo.write_text(content)
+    monkeypatch.setattr(
+        _scale, "open", lambda _, **kw: meminfo.open(**kw), raising=False
+    )
+    pages = {"SC_AVPHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}
+    monkeypatch.setattr(_scale.os, "sysconf", pages.__getitem__, raising=False)
+    assert _scale._free_bytes() == 4096000
+    meminfo.write_text("MemTotal: 9 kB\nMemAvailable:   7 kB\n")
+    assert _scale._free_bytes() == 7168
+    meminfo.unlink()
+    monkeypatch.delattr(_scale.os, "sysconf")
+    assert _scale._free_bytes() is None
 
 
 def test_where_the_system_does_not_say_what_is_free_it_is_tried(monkeypatch):

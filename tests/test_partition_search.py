@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter
 from skmotionseg._core.geometry import clip_geometry
 from skmotionseg._core.judging import CUT_WEIGHT, Cost, GroupLengths, Judge
+from skmotionseg._core.refinement import MOST_CHANGES, refine
 from skmotionseg._core.selection import cuts_between, nearest_labels, normalized_cut
 from skmotionseg._core.tracks import unpack_tracks
 from skmotionseg._partition_search import _choose
@@ -157,3 +159,14 @@ def test_predict_gives_fitted_tracks_their_own_label(scene):
     X, _ = scene
     segmenter = MotionSegmenter(3, n_hypotheses=200, random_state=0).fit(X)
     assert np.mean(segmenter.predict(X) == segmenter.labels_) > 0.98
+
+
+def test_refining_ends_where_no_change_is_cheaper_or_after_many():
+    def one_on(labels):
+        yield labels
+        yield labels + 1
+
+    start = np.zeros(3, dtype=int)
+    assert_array_equal(refine(start, lambda x: abs(x[0] - 7), one_on), [7, 7, 7])
+    last = refine(start, lambda x: -x[0], one_on)  # whose cost falls for ever
+    assert_array_equal(last, np.full(3, MOST_CHANGES))

@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.preprocessing import FunctionTransformer
 
 from skmotionseg import (
     MotionSegmenter,
@@ -100,6 +102,13 @@ def test_points_and_trails_are_those_of_the_tracks(small):
         ]
         segments = np.array(display.trails_[label].get_segments()).reshape(-1, 2, 2)
         assert_array_equal(segments, np.reshape(expected, (-1, 2, 2)))
+
+
+def test_a_title_that_is_given_is_the_title(small):
+    X, y, _ = small
+    display = MotionDisplay(X, y, frame=2)
+    assert display.plot(title="two cars").ax_.get_title() == "two cars"
+    assert display.plot().ax_.get_title().startswith("frame 2: ")
 
 
 def test_motions_have_their_colours_and_those_of_none_are_hollow(small):
@@ -227,6 +236,15 @@ def test_a_dropped_model_has_no_matrix(small):
     assert [ax.get_title() for ax in display.axes_[:, 0]] == list(MODELS[1:])
 
 
+def test_names_of_models_are_found_behind_other_steps(small):
+    X, *_ = small
+    pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=50, random_state=0)
+    pipeline.steps.insert(0, ("as they are", FunctionTransformer()))
+    pipeline.steps.insert(2, ("too", FunctionTransformer()))
+    display = AffinityDisplay.from_estimator(pipeline.fit(X), X)
+    assert [ax.get_title() for ax in display.axes_[:, 0]] == list(MODELS)
+
+
 def test_a_single_view_is_broken_into_rows():
     display = AffinityDisplay.from_predictions([K], [Y] * 6)
     assert display.axes_.shape == (1, 7)
@@ -326,6 +344,15 @@ def test_a_motion_without_a_model_is_drawn_too(small):
     assert text == f"motion 0 ({few.n_tracks}): too few tracks"
 
 
+def test_motions_that_are_not_drawn_are_not_in_the_legend(small):
+    X, _, segmenter = small
+    first = segmenter.report(X).motions[0]
+    report = replace(segmenter.report(X), motions=(first, replace(first, label=1)))
+    display = ReportDisplay(report, X, np.zeros(60, int)).plot()
+    (text,) = texts(display.motions_.legend_)
+    assert text.startswith(f"motion 0 ({first.n_tracks}): ")
+
+
 def test_report_axes_that_are_given_are_used():
     figure, axes = plt.subplots(2, 1)
     display = DISPLAYS["ReportDisplay"].plot(axes=axes)
@@ -408,6 +435,14 @@ def test_errors_of_predictions_and_of_estimators(small):
     display = SequenceErrorDisplay.from_predictions([y], found)
     expected = misclassification_error(y, np.zeros(60, int))
     assert_allclose(np.ravel(display.errors), [expected, 0])
+
+
+def test_errors_of_one_estimator_with_the_seed_it_has(small):
+    X, y, segmenter = small
+    display = SequenceErrorDisplay.from_estimator(segmenter, [X], [y])
+    assert display.method_names == ["MotionSegmenter"]
+    expected = misclassification_error(y, clone(segmenter).fit_predict(X))
+    assert_allclose(display.errors, [[[expected]]])
 
 
 # ----------------------------------------------------------------------------- sweeps
@@ -680,6 +715,27 @@ def case(name, call, words, error=ValueError):
             "1 views need a name each; got 2 names",
         ),
         case(
+            "affinities, other rows",
+            lambda: AffinityDisplay.from_estimator(
+                MultiModelSpectralClustering().fit(STACKED), X0
+            ),
+            "the estimator was fitted to 7 rows; got 20",
+        ),
+        case(
+            "affinities, other columns",
+            lambda: AffinityDisplay.from_estimator(
+                MultiModelSpectralClustering().fit(STACKED), STACKED[:, 1:]
+            ),
+            r"stacked affinities need shape \(n, n_views \* n\); got \(7, 13\)",
+        ),
+        case(
+            "affinities, no columns",
+            lambda: AffinityDisplay.from_estimator(
+                MultiModelSpectralClustering().fit(STACKED), STACKED[:, :0]
+            ),
+            r"stacked affinities need shape \(n, n_views \* n\); got \(7, 0\)",
+        ),
+        case(
             "affinities, count",
             lambda: AffinityDisplay.from_estimator(
                 NCREModelSelector(max_clusters=3).fit(STACKED), STACKED, counts=[2, 9]
@@ -709,6 +765,16 @@ def case(name, call, words, error=ValueError):
             "counts, chosen",
             lambda: CountDisplay([1, 2], np.ones((2, 3)), 4).plot(),
             r"chosen must be one of \[1 2\]; got 4",
+        ),
+        case(
+            "counts, affinities",
+            lambda: CountDisplay.from_predictions(STACKED[1:], [Y[1:]]),
+            r"stacked affinities need shape \(n, n_views \* n\); got \(6, 14\)",
+        ),
+        case(
+            "counts, no affinities",
+            lambda: CountDisplay.from_predictions(np.ones((0, 0)), [[]]),
+            r"stacked affinities need shape \(n, n_views \* n\); got \(0, 0\)",
         ),
         case(
             "counts, twice",
@@ -763,6 +829,18 @@ def case(name, call, words, error=ValueError):
             "the records of KT3DMoSeg have no field 'error'",
         ),
         case(
+            "records, datasets",
+            lambda: SequenceErrorDisplay.from_records(
+                [*records(), {**records()[0], "dataset": "FBMS59"}]
+            ),
+            r"dataset must be one of \['KT3DMoSeg', 'FBMS59'\]; got None",
+        ),
+        case(
+            "records, none",
+            lambda: SequenceErrorDisplay.from_records([]),
+            "there are no records of errors to draw",
+        ),
+        case(
             "records, dataset",
             lambda: SequenceErrorDisplay.from_records(records(), dataset="FBMS59"),
             r"dataset must be one of \['KT3DMoSeg'\]; got 'FBMS59'",
@@ -776,6 +854,16 @@ def case(name, call, words, error=ValueError):
             "weights, lengths",
             lambda: FusionWeightDisplay.from_predictions([1, 2], [0.1]),
             r"errors must have shape \(2,\) .* got \(1,\)",
+        ),
+        case(
+            "weights, labels of fewer",
+            lambda: FusionWeightDisplay.from_estimator(
+                MultiModelSpectralClustering(fusion="coreg"),
+                [STACKED, STACKED],
+                [Y],
+                values=[1],
+            ),
+            "got 2 stacked affinities and 1 label arrays",
         ),
         case(
             "weights, fusion",

@@ -293,6 +293,15 @@ def test_masks_with_a_definition(fbms):
     assert_array_equal(clip.region_sizes, same.region_sizes)
 
 
+def test_what_is_no_mask_is_left_aside(complex_background):
+    (clip,) = load_complex_background(complex_background, first_number=21)
+    truth = complex_background / "forest" / "GroundTruth"
+    (truth / "notes_0022.txt").write_text("drawn by hand")
+    (same,) = load_complex_background(complex_background, first_number=21)
+    assert_array_equal(same.mask_frames, clip.mask_frames)
+    assert_array_equal(same.point_target, clip.point_target)
+
+
 def test_masks_whose_names_do_not_fit(complex_background):
     truth = complex_background / "forest" / "GroundTruth"
     with pytest.raises(ValueError, match="none of the first 4 frames has a mask"):
@@ -411,6 +420,10 @@ BAD_IMAGES = {
     "text": (b"nothing of the kind", "is not an image"),
     "cut off": (b"P5\n6 4\n255\n" + bytes(5), "is not an image"),
     "too large": (b"P5\n99999 99999\n255\n" + bytes(5), "too large an image"),
+    "large, but for Pillow": (
+        b"P5\n9000 9000\n255\n" + bytes(5),
+        "too large an image: 81000000 pixels; expected 33554432 at most",
+    ),
     "large": (b"P5\n10000 10000\n255\n" + bytes(5), "too large an image"),
 }
 

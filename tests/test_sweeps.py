@@ -502,6 +502,13 @@ def test_a_model_of_ones_own_is_a_record(scene, monkeypatch):
     assert_array_equal(MotionSegmenter(3, models=[H], **SMALL).fit_predict(X), before)
 
 
+def test_a_model_in_the_place_of_a_known_one_has_its_seed(scene, monkeypatch):
+    segmenter = MotionSegmenter(3, models=[H], **SMALL)
+    before = segmenter.fit(scene[0]).branches_[H][0].hypotheses_
+    monkeypatch.setitem(MOTION_MODELS, H, replace(MOTION_MODELS[H]))
+    assert_array_equal(segmenter.fit(scene[0]).branches_[H][0].hypotheses_, before)
+
+
 def test_one_model_may_be_named_by_itself(scene):
     alone = MotionSegmenter(3, models=H, **SMALL).fit_predict(scene[0])
     listed = MotionSegmenter(3, models=[H], **SMALL).fit_predict(scene[0])

@@ -299,15 +299,25 @@ def test_a_cut_video_gives_what_can_be_read(panned, tmp_path):
     )
 
 
+def zeroed(avi):
+    """An .avi whose frames are there, but hold nothing but zeros."""
+    for start in [found.end() for found in re.finditer(b"00dc", avi)][:N_FRAMES]:
+        size = int.from_bytes(avi[start : start + 4], "little")
+        avi = avi[: start + 4] + bytes(size) + avi[start + 4 + size :]
+    return avi
+
+
 def bad_sources(tmp_path, frames):
     """Things that are no videos, by what the error says."""
     whole = write_video(tmp_path / "whole.mp4", frames)
+    whole_avi = write_video(tmp_path / "whole.avi", frames, "MJPG")
     cut = tmp_path / "cut.mp4"  # without its index, which is written last
     cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
     (tmp_path / "empty.mp4").touch()
     (tmp_path / "noise.avi").write_bytes(bytes(range(256)) * 40)
     (tmp_path / "notes.txt").write_text("no video")
     (tmp_path / "nothing").mkdir()
+    (tmp_path / "zeros.avi").write_bytes(zeroed(whole_avi.read_bytes()))
     uneven = write_folder(tmp_path / "uneven", [*frames[:3], frames[3][:-2]])
     broken = write_folder(tmp_path / "broken", frames[:3])
     (broken / "frame1.png").write_bytes(b"no picture")
@@ -316,6 +326,9 @@ def bad_sources(tmp_path, frames):
         "cannot be read as a video": cut,
         "has no bytes": tmp_path / "empty.mp4",
         "noise.avi cannot be read": tmp_path / "noise.avi",
+        f"not one of the {N_FRAMES} frames of .*zeros.avi is whole": (
+            tmp_path / "zeros.avi"
+        ),
         "videos end in .mp4, .avi, .mov, .mkv; got 'notes.txt'": tmp_path / "notes.txt",
         "no frames .* are in the folder": tmp_path / "nothing",
         "first is 160 x 120 pixels and frame 3 is 160 x 118": uneven,
@@ -407,6 +420,16 @@ def test_a_sheet_shows_points_where_they_are(tmp_path):
     np.testing.assert_array_equal(sheet[60:, 80:], 255)
 
 
+def test_a_sheet_of_large_frames_is_scaled(tmp_path):
+    frames = np.full((2, 960, 1280), 200, dtype=np.uint8)
+    render_segmentation(frames, [[800, 400] * 2], [1], tmp_path / "sheet.png")
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet.shape == (480, 3 * 640, 3)  # two frames, and room for a third
+    for left in (0, 640):
+        np.testing.assert_array_equal(sheet[200, left + 400], bgr(COLOURS[1]))
+    np.testing.assert_array_equal(sheet[:, 2 * 640 :], 255)
+
+
 def test_trails_go_back(tmp_path):
     frames = np.full((2, 60, 80), 200, dtype=np.uint8)
     X = [[20, 40, 50, 40]]
@@ -424,6 +447,41 @@ def test_a_failed_rendering_leaves_what_was_there(panned, tmp_path):
         render_segmentation(panned, X, [0], out)
     assert out.read_bytes() == b"earlier"
     assert [path.name for path in tmp_path.iterdir()] == ["out.mp4"]
+
+
+def test_a_video_that_no_codec_writes(panned, tmp_path):
+    """Time is counted in 16 bits in MPEG-4."""
+    X = np.zeros((1, 2 * N_FRAMES))
+    words = rf"write a video of 160 x 120 pixels at 90001 frames a second to {tmp_path}"
+    with pytest.raises(OSError, match=words):
+        render_segmentation(panned, X, [0], tmp_path / "out.mp4", fps=90001)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sheet_that_cannot_be_written(panned, tmp_path, monkeypatch):
+    monkeypatch.setattr(cv2, "imwrite", lambda *_: False)  # as on a full disk
+    X = np.zeros((1, 2 * N_FRAMES))
+    with pytest.raises(OSError, match=f"cannot write a picture to {tmp_path}"):
+        render_segmentation(panned, X, [0], tmp_path / "out.png")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "fps, error",
+    [
+        (0, ValueError),
+        (-5, ValueError),
+        (np.nan, ValueError),
+        (np.inf, ValueError),
+        ("25", TypeError),
+        (True, TypeError),
+    ],
+)
+def test_frames_a_second_are_more_than_none(panned, tmp_path, fps, error):
+    X = np.zeros((1, 2 * N_FRAMES))
+    with pytest.raises(error, match=f"fps must be a number above 0; got {fps!r}"):
+        render_segmentation(panned, X, [0], tmp_path / "out.mp4", fps=fps)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from test_damaged_files import run_limited
 
 import skmotionseg
-from skmotionseg._writing import check_output, replacing, replacing_path
+from skmotionseg._writing import _store_names, check_output, replacing, replacing_path
 
 WRITERS = {
     "savefig",
@@ -47,6 +47,18 @@ def test_what_fails_leaves_what_was_there(tmp_path, error):
         raise error
     assert path.read_bytes() == b"earlier"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_names_are_stored_where_folders_can_be_opened(tmp_path, monkeypatch):
+    stored = []
+    monkeypatch.setattr(os, "fsync", stored.append)
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(os, "name", "nt")
+        _store_names(str(tmp_path))
+    assert stored == []
+    if os.name == "posix":
+        _store_names(str(tmp_path))
+        assert len(stored) == 1
 
 
 def test_files_with_the_names_of_parts_are_nobodys(tmp_path):

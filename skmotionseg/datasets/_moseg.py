@@ -90,11 +90,8 @@ def _or_nan(token):
 
 def _line(text, place):
     """The line, counted from 1, of a number."""
-    for line, content in enumerate(text.splitlines(), start=1):
-        place -= len(content.split())
-        if place < 0:
-            return line
-    return line
+    ends = np.cumsum([len(content.split()) for content in text.splitlines()])
+    return int(np.searchsorted(ends, place, side="right")) + 1
 
 
 def _whole(text, numbers, place, what, least=1):

@@ -8,13 +8,13 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from .._core.selection import indicator, reconstruction_error
 from .._extras import require
 from .._palette import AFFINITY_MAP, OUTLINE_COLOUR
-from .._validation import split_views
 from ._drawing import (
     check_labels,
     check_names,
     count_motions,
     counted,
     last_step,
+    read_stacked,
     require_pyplot,
 )
 
@@ -357,9 +357,4 @@ def _views_and_names(estimator, X):
             if isinstance(step, FeatureUnion):
                 names = [n for n, branch in step.transformer_list if branch != "drop"]
         X = estimator[:-1].transform(X)
-    X = np.asarray(X)
-    if X.ndim != 2 or X.shape[1] % len(X):
-        raise ValueError(
-            f"stacked affinities need shape (n, n_views * n); got {X.shape}"
-        )
-    return split_views(X, X.shape[1] // len(X)), names
+    return read_stacked(X), names

@@ -8,7 +8,6 @@ from .._core.selection import canonical_labels
 from .._cost_terms import cost_terms
 from .._extras import require
 from .._palette import series_colour
-from .._validation import split_views
 from ..model_selection import NCREModelSelector, partition_costs
 from ._drawing import (
     check_labels,
@@ -16,6 +15,7 @@ from ._drawing import (
     figure_and_ax,
     last_step,
     legend_below,
+    read_stacked,
     require_pyplot,
 )
 
@@ -154,13 +154,8 @@ class CountDisplay:
             If affinities are not made of square blocks, or partitions do not fit them
             or have one number of motions twice.
         """
-        affinities = np.asarray(affinities, dtype=float)
-        if affinities.ndim != 2 or affinities.shape[1] % len(affinities):
-            raise ValueError(
-                "stacked affinities need shape (n, n_views * n); got "
-                f"{affinities.shape}"
-            )
-        n, width = affinities.shape
+        views = read_stacked(affinities)
+        n = views.shape[1]
         partitions = [check_labels(p, n, "a partition") for p in partitions]
         partitions = sorted(map(canonical_labels, partitions), key=count_motions)
         counts = np.array([count_motions(p) for p in partitions])
@@ -170,7 +165,6 @@ class CountDisplay:
                 f"{counts.tolist()}"
             )
         delta = NCREModelSelector().delta if delta is None else delta
-        views = split_views(affinities, width // n)
         costs = np.stack([partition_costs(views, p, delta) for p in partitions])
         chosen = int(counts[costs[:, 2].argmin()])
         return cls(counts, costs, chosen, weights=(1, delta)).plot(ax=ax)

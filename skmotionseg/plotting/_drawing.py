@@ -7,6 +7,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._extras import require
+from .._validation import split_views
 
 
 def require_pyplot():
@@ -72,6 +73,21 @@ def check_names(names, count, what, default):
     if len(names) != count:
         raise ValueError(f"{count} {what} need a name each; got {len(names)} names")
     return names
+
+
+def read_stacked(affinities):
+    """Stacked affinities (n, n_views * n) as views (n_views, n, n).
+
+    Raises
+    ------
+    ValueError
+        If they are of another shape, or none.
+    """
+    affinities = np.asarray(affinities, dtype=float)
+    shape = affinities.shape
+    if len(shape) != 2 or not affinities.size or shape[1] % shape[0]:
+        raise ValueError(f"stacked affinities need shape (n, n_views * n); got {shape}")
+    return split_views(affinities, shape[1] // shape[0])
 
 
 def count_motions(labels):

@@ -253,6 +253,8 @@ def _segment(estimator, tracks, seed):
 
 def _table_of_records(records, dataset, methods, value):
     """Errors (n_methods, n_sequences, n_seeds), and the names of both."""
+    if not records:
+        raise ValueError("there are no records of errors to draw")
     there = list(dict.fromkeys(record["dataset"] for record in records))
     if dataset is None and len(there) != 1:
         raise ValueError(f"dataset must be one of {there}; got None")
