@@ -174,10 +174,12 @@ def check_n_groups(name, count, graph):
 
 
 def check_label_each(labels, n_tracks):
-    """Labels as an array, if there is one a track."""
+    """Labels as an array of integers, if there is one a track."""
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(
             f"{n_tracks} tracks need a label each; got shape {labels.shape}"
         )
+    if labels.size and labels.dtype.kind not in "iu":  # an empty list has no integers
+        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
     return labels

@@ -52,7 +52,7 @@ def static_mask(
            [False, False]])
     """
     _, visibility = unpack_tracks(X)
-    labels = _check_labels(labels, len(visibility))
+    labels = check_label_each(labels, len(visibility))
     if background is None:
         motions, sizes = np.unique(labels[labels >= 0], return_counts=True)
         if not len(motions):
@@ -115,7 +115,7 @@ def save_motions(
     [('motion_0.npz', 40), ('motion_1.npz', 20), ('motion_2.npz', 10)]
     """
     X = pack_tracks(unpack_tracks(X)[0])
-    labels = _check_labels(labels, len(X))
+    labels = check_label_each(labels, len(X))
     track_ids = np.arange(len(X)) if track_ids is None else np.asarray(track_ids)
     if track_ids.shape != (len(X),):
         raise ValueError(
@@ -135,13 +135,6 @@ def save_motions(
                 track_ids=track_ids[rows],
             )
     return [folder / name for name in groups]
-
-
-def _check_labels(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    checked = check_label_each(labels, n_tracks)
-    if checked.dtype.kind not in "iu":
-        raise ValueError(f"labels must be whole numbers; got dtype {checked.dtype}")
-    return checked
 
 
 def _make_folder(folder, names):

@@ -40,6 +40,9 @@ DEFAULT_FPS = 25.0
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
+# Pixels from the corner at which points are drawn at most: no frame is as large, and
+# OpenCV counts in 32 bits.
+FARTHEST = 2**24
 
 # What frames are read from, and what is told how many are done, of how many.
 Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]
@@ -351,9 +354,9 @@ def render_segmentation(
     Raises
     ------
     FileNotFoundError, TypeError, ValueError
-        If the source is not as described or has fewer frames than the tracks, if
-        there is not a label a track, ``fps`` is no positive number, or ``out`` has
-        another ending or no folder.
+        If the source is not as described or has fewer frames than the tracks, these
+        have none, there is not a label a track, ``fps`` is no positive number, or
+        ``out`` has another ending or no folder.
     OSError
         If the video cannot be written.
     ImportError
@@ -373,6 +376,8 @@ def render_segmentation(
     True
     """
     points, visibility = unpack_tracks(X)
+    if not points.shape[1]:
+        raise ValueError("tracks of one frame or more are needed; got none")
     labels = check_label_each(labels, len(points))
     out = Path(out)
     check_output(out, RENDER_ENDINGS)
@@ -450,7 +455,8 @@ class _Pen:
 
 def _to_canvas(points, scale):
     """Nearest pixels, their centres being whole numbers, of a scaled frame."""
-    return np.rint((points + 0.5) * scale - 0.5).astype(np.int32)
+    pixels = np.rint((points + 0.5) * scale - 0.5)
+    return pixels.clip(-FARTHEST, FARTHEST).astype(np.int32)
 
 
 def _blue_green_red(colour):

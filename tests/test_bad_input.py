@@ -514,6 +514,11 @@ FUNCTIONS = [
         "n_clusters must be a number or 'auto'; got 'many'",
     ),
     case(
+        "plot_motions, halves",
+        lambda: plot_motions(X, Y / 2),
+        "labels must be whole numbers; got dtype float64",
+    ),
+    case(
         "PerSequence, one array",
         lambda: PerSequence(MotionSegmenter()).fit(X),
         r"sequence 0 has shape \(8,\)",
@@ -636,6 +641,14 @@ BAD_FILES = {
     "npz, odd width": (npz(X=X[:, :7]), "7 columns"),
     "npz, X of three axes": (npz(X=POINTS), "3 axes"),
     "npz, complex": (npz(X=1j * X), "'X' must be real numbers; got dtype complex128"),
+    "npz, occluded in words": (
+        npz(points=POINTS, occluded=np.full((5, 3), "no")),
+        "'occluded' must be real numbers; got dtype <U2",
+    ),
+    "npz, logits in words": (
+        npz(tracks=POINTS, occlusion=np.full((5, 3), "no")),
+        "'occlusion' must be real numbers; got dtype <U2",
+    ),
     "npz, a video of one channel": (
         npz(points=POINTS, occluded=POINTS[..., 0] > 0, video=np.zeros((3, 9, 9))),
         r"'video' must have shape \(n_frames, height, width, 3\); got \(3, 9, 9\)",

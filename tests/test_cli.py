@@ -473,6 +473,19 @@ def test_errors_are_one_line_and_come_first(
     assert set(tmp_path.rglob("*")) == before
 
 
+def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
+    run, scene_file, tmp_path, monkeypatch
+):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MotionSegmenter, "fit", interrupted)
+    code, _, errors = run("segment", scene_file, "--out", tmp_path / "labels.csv")
+    assert code == 130
+    assert errors == "skmotionseg: interrupted\n"
+    assert list(tmp_path.iterdir()) == [scene_file]
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [

@@ -324,8 +324,9 @@ def test_shares_of_an_image_of_unknown_size(tracks, tmp_path):
     with pytest.raises(ValueError, match=r"in \[0, 1\].*image_size=\(width, height\)"):
         load_tracks(path)
     assert_allclose(load_tracks(path, image_size=(640, 512)).data, X)
-    with pytest.raises(ValueError, match="image_size must be width and height"):
-        load_tracks(path, image_size=(640,))
+    for size in ((640,), 640, "hd", ("a", "b"), (0, 512), (np.nan, 512), (640, 1j)):
+        with pytest.raises(ValueError, match="image_size must be width and height"):
+            load_tracks(path, image_size=size)
     np.savez(path, points=points, visibility=visibility)
     with pytest.raises(ValueError, match="image_size is for points that are shares"):
         load_tracks(path, image_size=(640, 512))

@@ -841,6 +841,16 @@ def case(name, call, words, error=ValueError):
             "there are no records of errors to draw",
         ),
         case(
+            "records, not a list",
+            lambda: SequenceErrorDisplay.from_records({"dataset": "FBMS59"}),
+            "a record is a dict with dataset, method, seed, sequence; got 'dataset'",
+        ),
+        case(
+            "records, no method",
+            lambda: SequenceErrorDisplay.from_records([{"dataset": "FBMS59"}]),
+            r"a record is a dict with .*; got \{'dataset': 'FBMS59'\}",
+        ),
+        case(
             "records, dataset",
             lambda: SequenceErrorDisplay.from_records(records(), dataset="FBMS59"),
             r"dataset must be one of \['KT3DMoSeg'\]; got 'FBMS59'",

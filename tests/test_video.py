@@ -349,6 +349,16 @@ def test_bad_sources_are_named(panned, tmp_path):
             track_video(source)
 
 
+def test_a_picture_that_opencv_fails_on_is_named(panned, tmp_path, monkeypatch):
+    def fail(*_):
+        raise cv2.error("what its reader does not bear")
+
+    folder = write_folder(tmp_path / "frames", panned[:3])
+    monkeypatch.setattr(cv2, "imdecode", fail)
+    with pytest.raises(ValueError, match=r"frame0.png is no.* a whole .png"):
+        track_video(folder)
+
+
 @pytest.mark.parametrize(
     "name, value",
     [
@@ -449,6 +459,22 @@ def test_a_failed_rendering_leaves_what_was_there(panned, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["out.mp4"]
 
 
+@pytest.mark.parametrize("out", ["out.mp4", "out.png"])
+def test_tracks_of_no_frame_cannot_be_drawn(panned, tmp_path, out):
+    with pytest.raises(ValueError, match="tracks of one frame or more are needed"):
+        render_segmentation(panned, np.ones((1, 0)), [0], tmp_path / out)
+    assert not list(tmp_path.iterdir())
+
+
+def test_points_however_far_outside_are_not_seen(tmp_path):
+    frames = np.full((2, 60, 80), 200, dtype=np.uint8)
+    sheets = []
+    for X in ([[30, 40, 30, 40], [np.nan] * 4], [[30, 40, 30, 40], [1e300, -1e12] * 2]):
+        render_segmentation(frames, X, [0, 1], tmp_path / "sheet.png")
+        sheets.append(cv2.imread(str(tmp_path / "sheet.png")))
+    np.testing.assert_array_equal(*sheets)
+
+
 def test_a_video_that_no_codec_writes(panned, tmp_path):
     """Time is counted in 16 bits in MPEG-4."""
     X = np.zeros((1, 2 * N_FRAMES))
@@ -488,6 +514,8 @@ def test_frames_a_second_are_more_than_none(panned, tmp_path, fps, error):
     "labels, out, words",
     [
         ([0, 1], "out.mp4", "1 tracks need a label each"),
+        ([0.5], "out.mp4", "labels must be whole numbers; got dtype float64"),
+        (["car"], "out.png", "labels must be whole numbers; got dtype <U3"),
         ([0], "out.gif", "end in .mp4 or .png; got out.gif"),
         ([0], "nowhere/out.mp4", "no folder to write"),
     ],

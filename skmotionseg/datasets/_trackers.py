@@ -36,7 +36,7 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
     """
     with NpzArrays(path) as arrays:
         if "X" in arrays and "points" not in arrays:
-            data = _as_tracks(arrays["X"])
+            data = _real(arrays, "X")
         else:
             name = _points_name(arrays)
             layout = layout or _implied_layout(name, arrays)
@@ -54,9 +54,10 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
     return {"data": data, "target": labels}
 
 
-def _as_tracks(array):
+def _real(arrays, name):
+    array = arrays[name]
     if array.dtype.kind not in "fiub":
-        raise ValueError(f"'X' must be real numbers; got dtype {array.dtype}")
+        raise ValueError(f"{name!r} must be real numbers; got dtype {array.dtype}")
     return array.astype(float, copy=False)
 
 
@@ -96,11 +97,11 @@ def _visibility(arrays, visible_above):
         if name in arrays:
             return arrays[name], visible_above
     if "occluded" in arrays:
-        return 1.0 - arrays["occluded"], visible_above
+        return 1.0 - _real(arrays, "occluded"), visible_above
     if "occlusion" in arrays:  # logits; seen as in tapnet's postprocess_occlusions
-        seen = expit(-arrays["occlusion"].astype(float))
+        seen = expit(-_real(arrays, "occlusion"))
         if "expected_dist" in arrays:
-            seen *= expit(-arrays["expected_dist"].astype(float))
+            seen *= expit(-_real(arrays, "expected_dist"))
         return seen, 0.5 if visible_above is None else visible_above
     return None, visible_above
 
@@ -127,9 +128,11 @@ def _largest(data):
 
 
 def _in_pixels(data, image_size):
-    if len(image_size) != 2 or not all(0 < length < np.inf for length in image_size):
+    size = np.asarray(image_size)
+    good = size.shape == (2,) and size.dtype.kind in "fiu"
+    if not good or not ((size > 0) & (size < np.inf)).all():
         raise ValueError(
-            f"image_size must be width and height in pixels; got {image_size}"
+            f"image_size must be width and height in pixels; got {image_size!r}"
         )
     largest = _largest(data)
     if largest > LARGEST_SHARE:
@@ -137,4 +140,4 @@ def _in_pixels(data, image_size):
             "image_size is for points that are shares of it, in [0, 1]; got "
             f"coordinates of up to {largest:.6g}"
         )
-    return data * np.tile(image_size, data.shape[1] // 2)
+    return data * np.tile(size, data.shape[1] // 2)

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import shorten
 
 import numpy as np
 from sklearn.base import clone
@@ -16,6 +17,8 @@ from ._drawing import check_names, figure_and_ax, legend_below, require_pyplot
 
 # Inches a bar, and between the bars of two sequences.
 BAR, GAP = 0.13, 0.1
+# What each record says of itself, beside its errors.
+RECORD_KEYS = {"dataset", "method", "sequence", "seed"}
 
 
 class SequenceErrorDisplay:
@@ -255,6 +258,12 @@ def _table_of_records(records, dataset, methods, value):
     """Errors (n_methods, n_sequences, n_seeds), and the names of both."""
     if not records:
         raise ValueError("there are no records of errors to draw")
+    for record in records:
+        if not isinstance(record, Mapping) or not set(record) >= RECORD_KEYS:
+            raise ValueError(
+                f"a record is a dict with {', '.join(sorted(RECORD_KEYS))}; got "
+                f"{shorten(repr(record), 100)}"
+            )
     there = list(dict.fromkeys(record["dataset"] for record in records))
     if dataset is None and len(there) != 1:
         raise ValueError(f"dataset must be one of {there}; got None")
