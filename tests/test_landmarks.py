@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import MotionSegmenter, _scale, unpack_tracks
 from skmotionseg._branches import PAIRS_TO_PLACE
 from skmotionseg._core import landmarks
-from skmotionseg._core.landmarks import choose_landmarks, draw_evenly
+from skmotionseg._core.landmarks import (
+    NEVER_MET,
+    _channels,
+    _distance_to,
+    choose_landmarks,
+    draw_evenly,
+)
 from skmotionseg._scale import number_of_landmarks
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -96,6 +104,56 @@ def test_groups_give_as_many_or_all_they_have():
     assert_array_equal(drawn, np.unique(drawn))
     counts = [np.sum(labels[drawn] == group) for group in (0, 1, 2, -1)]
     assert counts == [19, 19, 3, 19]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_distances_are_those_of_a_loop(seed):
+    """Mean squares over common frames, of places and of steps, in median spreads."""
+    X, _ = make_rigid_motions(30, 6, 2, missing=0.3, random_state=seed)
+    points, visibility = unpack_tracks(X)
+    visibility[0, np.flatnonzero(visibility[0])[1:]] = False  # never moves
+    drawn = np.array([3, 9, 20])
+    found = _distance_to(_channels(points, visibility), drawn)
+    steps, moving = np.diff(points, axis=1), visibility[:, 1:] & visibility[:, :-1]
+    total = np.zeros((30, 3))
+    for values, seen in ((points, visibility), (steps, moving)):
+        centred = np.full(values.shape, np.nan)
+        for f in range(values.shape[1]):
+            inside = seen[:, f]
+            centred[inside, f] = values[inside, f] - values[inside, f].mean(axis=0)
+        centred /= np.median(np.abs(centred[seen]))
+        for i, (k, j) in product(range(30), enumerate(drawn)):
+            common = [f for f in range(values.shape[1]) if seen[i, f] and seen[j, f]]
+            squares = [np.sum((centred[i, f] - centred[j, f]) ** 2) for f in common]
+            total[i, k] += np.mean(squares) if common else np.inf
+    expected = total.min(axis=1)
+    met = np.isfinite(expected)
+    assert not met[0]
+    most = np.quantile(expected[met], 0.9)
+    expected = np.where(met, np.minimum(expected, most), NEVER_MET)
+    assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2])
+def test_still_tracks_are_at_no_distance(n_frames):
+    points = np.full((5, n_frames, 2), 3.0)
+    visibility = np.ones((5, n_frames), dtype=bool)
+    found = _distance_to(_channels(points, visibility), np.array([0]))
+    assert_array_equal(found, 0 if n_frames > 1 else NEVER_MET)
+
+
+def test_spreads_below_one_count():
+    """Tracks in millimetres or in metres are as far from one another."""
+    X, _ = make_rigid_motions(30, 6, 2, random_state=0)
+    points, visibility = unpack_tracks(X)
+    distances = [
+        _distance_to(_channels(scale * points, visibility), np.array([0, 5]))
+        for scale in (1, 1e-3)
+    ]
+    assert_allclose(*distances, rtol=1e-3, atol=1e-4)
+    assert all(
+        part.dtype == np.float32 for c in _channels(points, visibility) for part in c
+    )
 
 
 def test_a_small_motion_in_a_dense_scene_is_found():

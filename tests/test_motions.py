@@ -193,6 +193,11 @@ def test_tracks_move_to_the_motion_that_explains_them():
     relative = np.array([[0.5, 3, 2, 0.1, 0.1], [2, 0.4, 0.5, 0.2, np.nan]])
     first, *_ = moved(labels, relative)
     np.testing.assert_array_equal(first, [0, 1, 1, 1, -1])
+    some = np.array([[1.5, 9, 1, 9], [1.2, 0.1, 1, 1]])  # 1 is explained, more is not
+    assert not list(moved(np.array([0, 1, 0, 1]), some))
+    edge = np.array([[1.5, 9, 0.1, 2], [1.0, 0.1, 9, 1]])
+    first, *_ = moved(np.array([0, 1, 0, 0]), edge)
+    np.testing.assert_array_equal(first, [1, 1, 0, 1])
     empty = np.array([[3.0, 3.0, 3.0], [0.5, 0.5, 0.5]])
     assert not list(moved(np.array([0, 0, 1]), empty))  # a motion would be empty
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 import plain_geometry as plain
@@ -10,6 +11,7 @@ import pytest
 import textbook
 from numpy.testing import assert_allclose, assert_array_equal
 
+from skmotionseg._core import judging
 from skmotionseg._core.epipolar import mean_sampson_errors, normalize_pairs, robust_fits
 from skmotionseg._core.explaining import choose_model, robust_errors
 from skmotionseg._core.geometry import (
@@ -19,6 +21,7 @@ from skmotionseg._core.geometry import (
     track_medians,
 )
 from skmotionseg._core.judging import CUT_WEIGHT, GroupLengths, Judge
+from skmotionseg._core.merging import merge_path
 from skmotionseg._core.selection import cuts_between
 from skmotionseg._core.tracks import unpack_tracks
 from skmotionseg.datasets import make_rigid_motions
@@ -276,6 +279,25 @@ def test_the_cost_is_the_mean_length_and_the_weighted_cut(scene):
     assert_allclose(cost, [cut, nats, CUT_WEIGHT * cut + nats])
 
 
+@pytest.mark.parametrize("evenly_drawn", [False, True])
+def test_motions_gain_so_many_times_their_cut(scene, evenly_drawn, monkeypatch):
+    points, visibility, labels = scene
+    rng = np.random.default_rng(0)
+    views = rng.uniform(size=(2, 60, 60)) * (0.2 + (labels[:, None] == labels))
+    views = views + views.swapaxes(1, 2)
+    judge = Judge(clip_geometry(points, visibility), views, evenly_drawn)
+    groups = [np.flatnonzero(labels == motion) for motion in (0, 1)]
+    gain = max(each.gain(*groups) for each in judge.lengths)
+    cut = sum(cuts_between(view, labels)[0, 1] for view in judge.views)
+    names = ["GAIN_OF_CUT", "GAIN_OF_CUT_DRAWN"]
+    mine, other = names[::-1] if evenly_drawn else names
+    monkeypatch.setattr(judging, other, np.nan)
+    for share, pair in ((0.999, None), (1.001, (0, 1))):
+        monkeypatch.setattr(judging, mine, share * gain / cut)
+        assert judge.gainless_pair(labels) == pair
+        assert judge.each_gains(labels) == (pair is None)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_cut_between_two_groups_is_what_merging_them_saves(seed):
     rng = np.random.default_rng(seed)
@@ -292,6 +314,49 @@ def test_the_cut_between_two_groups_is_what_merging_them_saves(seed):
             fall -= textbook.normalized_cut(K, merged)
             assert found[i, j] == pytest.approx(fall)
             assert found[j, i] == pytest.approx(fall)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_groups_are_merged_in_the_order_of_their_costs(seed):
+    """The most linked are tried first, until a link alone costs more than the best."""
+    X, y = make_rigid_motions(80, 6, 2, random_state=seed)
+    rng = np.random.default_rng(seed)
+    pieces = np.unique(3 * y + rng.integers(0, 3, 80), return_inverse=True)[1]
+    pieces[:2] = -1
+    K = rng.uniform(size=(80, 80)) ** 4 * (0.05 + (y[:, None] == y))
+    K = K + K.T
+    K[np.ix_(pieces == 0, pieces == 5)] = K[np.ix_(pieces == 5, pieces == 0)] = 0
+    lengths = GroupLengths(clip_geometry(*unpack_tracks(X)))
+    groups = [list(np.flatnonzero(pieces == piece)) for piece in range(6)]
+    for found in merge_path(pieces, K, lengths, 1):
+        assert (found[:2] == -1).all()
+        assert {frozenset(np.flatnonzero(found == g)) for g in set(found) - {-1}} == {
+            frozenset(group) for group in groups
+        }
+        if len(groups) == 1:
+            break
+        costs = {}
+        for i, j in combinations(range(len(groups)), 2):
+            first, second = (np.array(sorted(groups[k])) for k in (i, j))
+            nats = [
+                lengths(each).tracks.sum()
+                for each in (np.union1d(first, second), first, second)
+            ]
+            seen = lengths.geometry.seen
+            fewer = min(seen[:, first].sum(), seen[:, second].sum())
+            link = K[np.ix_(first, second)].mean() / np.sqrt(
+                K[np.ix_(first, first)].mean() * K[np.ix_(second, second)].mean()
+            )
+            rise = (nats[0] - nats[1] - nats[2]) / fewer
+            costs[i, j] = -np.log(max(link, 1e-3)), rise
+        least = np.inf
+        for pair in sorted(costs, key=costs.get):
+            if costs[pair][0] >= least:
+                break
+            if sum(costs[pair]) < least:
+                least, (i, j) = sum(costs[pair]), pair
+        joined = groups[i] + groups[j]
+        groups = [g for k, g in enumerate(groups) if k not in (i, j)] + [joined]
 
 
 def test_medians_of_tracks_are_the_lower_ones():

