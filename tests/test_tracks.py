@@ -237,6 +237,8 @@ def test_probabilities_are_seen_above_a_number():
         pack_tracks(points, [[0.2, 0.5, NAN, 1.0]], visible_above=0.5)
     with pytest.raises(ValueError, match="got no visibility"):
         pack_tracks(points, visible_above=0.5)
+    with pytest.raises(TypeError, match="visible_above must be a number; got 'x'"):
+        pack_tracks(points, np.ones((1, 4), dtype=bool), visible_above="x")
 
 
 @pytest.mark.parametrize("layout", [None, "tracks_first", "frames_first"])

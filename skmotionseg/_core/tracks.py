@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -89,6 +90,8 @@ def pack_tracks(
         raise ValueError(f"layout must be one of {LAYOUTS}; got {layout!r}")
     if visible_above is not None and visibility is None:
         raise ValueError("visible_above is about visibility; got no visibility")
+    if visible_above is not None and not isinstance(visible_above, Real):
+        raise TypeError(f"visible_above must be a number; got {visible_above!r}")
     points = _drop_batch(_as_numbers(points, "points"), layout)
     layout = layout or "tracks_first"
     if visibility is not None:

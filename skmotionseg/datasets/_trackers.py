@@ -108,7 +108,7 @@ def _visibility(arrays, visible_above):
 
 def _tap_vid_size(data, arrays):
     """Width and height of TAP-Vid's video, or None if the points are in pixels."""
-    if _largest(data) > LARGEST_SHARE:
+    if data.size == 0 or _largest(data) > LARGEST_SHARE:
         return None
     if "video" not in arrays:
         raise ValueError(
