@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 import numpy as np
+import numpy.typing as npt
 from joblib import wrap_non_picklable_objects
 from sklearn.utils.validation import check_memory, check_non_negative, validate_data
 
@@ -173,7 +174,7 @@ def check_n_groups(name, count, graph):
         )
 
 
-def check_label_each(labels, n_tracks):
+def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
     """Labels as an array of integers, if there is one a track."""
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
