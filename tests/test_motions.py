@@ -150,6 +150,36 @@ def test_own_shares_are_one_step_of_a_walk():
     assert own_shares(affinity[None], np.array([-1, 0, 0]))[0] == 0
 
 
+def test_shares_are_means_over_the_views_that_link_a_track():
+    first = np.array([[9, 1, 3], [1, 9, 0], [3, 0, 9.0]])
+    second = np.array([[9, 0.2, 0.2], [0.2, 9, 0], [0.2, 0, 9]])
+    third = np.eye(3)  # links none
+    labels = np.array([0, 0, 1])
+    shares = own_shares(np.stack([first, second, third]), labels)
+    np.testing.assert_allclose(shares, [(1 / 4 + 1 / 2) / 2, 1, 0])
+    second[0, 1:] = second[1:, 0] = 0  # the first track has no link here
+    shares = own_shares(np.stack([first, second]), labels)
+    np.testing.assert_allclose(shares, [1 / 4, 1, 0])
+
+
+def test_ties_vote_and_those_of_no_motion_do_not():
+    labels = np.array([1, 0, 0, -1, 1, 0, 0])
+    affinity = np.array(
+        [
+            [0.5, 0.2, 0.2, 9, 0.4, 0.2, 0.2],  # the third is tied with three others
+            [0.1, 0.3, 0.2, 9, 0.1, 0.0, 0.0],
+            [0.0, 0.0, 0.0, 9, 0.0, 0.0, 0.0],
+            [0.9, 0.0, 0.0, 0, 0.0, 0.5, 0.3],
+        ]
+    )
+    found, shares = nearest_votes(affinity, labels, n_nearest=3)
+    assert found.tolist() == [1, 0, -1, 1]
+    np.testing.assert_allclose(shares, [0.9 / 1.7, 0.5 / 0.7, 0, 0.9 / 1.7])
+    found, shares = nearest_votes(affinity, np.full(7, -1))
+    assert found.tolist() == [-1] * 4
+    assert shares.tolist() == [0] * 4
+
+
 def test_votes_are_shared():
     labels, shares = nearest_votes(
         np.array([[3.0, 1, 0], [0, 0, 0]]), np.array([0, 1, 1])
