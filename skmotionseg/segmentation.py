@@ -320,6 +320,20 @@ default="description_length"
             len(tracks),
         )
         placing = time.perf_counter()
+        self._keep(points, visibility, tracks, search)
+        done = time.perf_counter()
+        self.stage_seconds_ = {
+            "landmarks": choosing - started,
+            "hypotheses": seconds[0],
+            "kernel": seconds[1],
+            "clustering": placing - selecting,
+            "placing": done - placing,
+            "total": done - started,
+        }
+        return self
+
+    def _keep(self, points, visibility, tracks, search):
+        """Set what the search has found, for all tracks."""
         self.counts_, self.costs_ = search.counts, search.costs
         candidates, shares = self._label_all(tracks, search)
         labels, self._explanation = _explained(
@@ -334,16 +348,6 @@ default="description_length"
             search.gainless, search.labels, self.candidate_labels_[:, self.landmarks_]
         )
         self.n_motions_ = int(self.labels_.max()) + 1
-        done = time.perf_counter()
-        self.stage_seconds_ = {
-            "landmarks": choosing - started,
-            "hypotheses": seconds[0],
-            "kernel": seconds[1],
-            "clustering": placing - selecting,
-            "placing": done - placing,
-            "total": done - started,
-        }
-        return self
 
     def _label_all(self, tracks, search):
         """Labels (n_partitions, n_tracks), and shares (n_tracks,) of the chosen."""
