@@ -316,14 +316,15 @@ def test_the_cut_between_two_groups_is_what_merging_them_saves(seed):
             assert found[j, i] == pytest.approx(fall)
 
 
+@pytest.mark.parametrize("across", [0.05, 1])  # with 1, the graph knows nothing
 @pytest.mark.parametrize("seed", range(3))
-def test_groups_are_merged_in_the_order_of_their_costs(seed):
+def test_groups_are_merged_in_the_order_of_their_costs(seed, across):
     """The most linked are tried first, until a link alone costs more than the best."""
     X, y = make_rigid_motions(80, 6, 2, random_state=seed)
     rng = np.random.default_rng(seed)
     pieces = np.unique(3 * y + rng.integers(0, 3, 80), return_inverse=True)[1]
     pieces[:2] = -1
-    K = rng.uniform(size=(80, 80)) ** 4 * (0.05 + (y[:, None] == y))
+    K = rng.uniform(size=(80, 80)) ** 4 * np.where(y[:, None] == y, 1, across)
     K = K + K.T
     K[np.ix_(pieces == 0, pieces == 5)] = K[np.ix_(pieces == 5, pieces == 0)] = 0
     lengths = GroupLengths(clip_geometry(*unpack_tracks(X)))
