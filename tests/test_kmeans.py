@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.cluster import KMeans
 from sklearn.metrics import adjusted_rand_score
 
-from skmotionseg._core.kmeans import kmeans, nearest_centres
+from skmotionseg._core.kmeans import _assign, _means, kmeans, nearest_centres
 
 
 def blobs(n_clusters, seed=0, spread=0.1):
@@ -94,3 +94,31 @@ def test_features_are_left_alone():
     before = features.copy()
     run(features, 3)
     assert_array_equal(features, before)
+
+
+def test_empty_clusters_take_the_farthest_rows():
+    rng = np.random.default_rng(0)
+    features, distance = rng.normal(size=(9, 2)), rng.uniform(size=(3, 9))
+    labels = np.array([np.arange(9) % 4, np.arange(9) % 3, 2 * (np.arange(9) % 2)])
+    centres = _means(features, labels, distance, 4)
+    for run in range(3):
+        members = [set(np.flatnonzero(labels[run] == k)) for k in range(4)]
+        farthest = iter(np.argsort(-distance[run]))
+        for k in range(4):
+            if not (labels[run] == k).any():
+                row = next(farthest)
+                members = [each - {row} for each in members]
+                members[k] = {row}
+        expected = [features[sorted(each)].mean(axis=0) for each in members]
+        assert_allclose(centres[run], expected)
+
+
+def test_a_cluster_that_runs_empty_is_filled_again():
+    """Two starts in one spot: one of them gets no row."""
+    features = np.array([[0.0], [0.1], [5.0], [5.2], [9.0]])
+    labels, distance = _assign(
+        features, features[:, 0] ** 2, np.array([[[0.0], [0.0], [5.0]]])
+    )
+    assert set(labels[0]) == {0, 2}
+    centres = _means(features, labels, distance, 3)
+    assert_allclose(centres[0], [[0.05], [9.0], [5.1]])
