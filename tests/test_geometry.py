@@ -110,6 +110,16 @@ def test_the_two_corrections_agree_where_all_entries_are_determined():
     )
 
 
+@pytest.mark.parametrize("other", [-20, 0, 1e-300, 20])
+def test_a_correction_never_steps_beyond_all_numbers(other):
+    """Rounding may leave inverse moments that are negative in a direction."""
+    f = np.diag([1.0, 0.5, 0.4]).reshape(-1) / np.linalg.norm([1, 0.5, 0.4])
+    inverse = 100 * np.outer(f, f) + other * (np.eye(9) - np.outer(f, f))
+    F = cheapest_rank_two(inverse[None])
+    assert np.linalg.norm(F) == pytest.approx(1)
+    assert np.linalg.matrix_rank(F[0]) <= 2
+
+
 def test_fits_are_those_of_the_residuals_and_of_trusted_tracks_only():
     X, y = make_rigid_motions(
         n_tracks=150, n_frames=3, n_motions=2, noise=0.1, missing=0, random_state=0

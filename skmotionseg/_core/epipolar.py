@@ -32,6 +32,7 @@ ROBUST_SWEEPS = 4
 SINGULAR = 1e-14
 # Newton steps to rank two; 10 or 20 change next to nothing.
 CORRECTIONS = 5
+ROUNDING = np.finfo(float).eps
 MINIMAL_SIZE = MOTION_MODELS["fundamental"].minimal_size
 
 
@@ -78,7 +79,10 @@ def cheapest_rank_two(inverse):
         slope = cofactors3(f.reshape(-1, 3, 3)).reshape(-1, 9)  # of the determinant
         determinant = (slope * f).sum(axis=1) / 3
         step = (inverse @ slope[..., None])[..., 0]
-        rate = np.maximum((slope * step).sum(axis=1), np.finfo(float).tiny)
+        rate = (slope * step).sum(axis=1)
+        # Below rounding, the rate is none, and the step must not overflow.
+        least = ROUNDING * np.linalg.norm(slope, axis=1) * np.linalg.norm(step, axis=1)
+        rate = np.maximum(rate, np.maximum(least, np.finfo(float).tiny))
         f = f - (determinant / rate)[:, None] * step
         f = f / np.linalg.norm(f, axis=1, keepdims=True)
     return rank_two(f.reshape(-1, 3, 3))
