@@ -3,7 +3,7 @@
 The arrays are made by track_strategies.py. Each estimator has a contract here, and a
 list of refusals: which of them is due is worked out from the arrays, not read off the
 error. ``pytest`` looks at some hundred cases, ``pytest -m long`` at twenty thousand,
-always the same ones, and says at the end what came of them.
+from fixed seeds, and says at the end what came of them.
 """
 
 from __future__ import annotations
@@ -407,7 +407,7 @@ def outcome_of(subject, estimator, recipe):
 
 
 def run_cases(name, n_cases, piece=None):
-    """Check so many cases of a subject, the same ones each time; name and outcomes."""
+    """Check so many cases of a subject, from a fixed seed; name and outcomes."""
     subject, outcomes = SUBJECTS[name], Counter()
 
     @settings(
