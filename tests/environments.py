@@ -1,6 +1,6 @@
 """Run the tests with the lowest and the newest dependencies, each in a fresh venv.
 
-    python -m tests.environments [lowest] [newest] [bare] [-- PYTEST OPTIONS]
+    python tests/environments.py [lowest] [newest] [bare] [-- PYTEST OPTIONS]
 
 ``lowest``: what pyproject.toml says is enough, of the package and, matplotlib apart, of
 the extras ``cli`` and ``video``. The extra ``dask`` needs a newer joblib than the
@@ -45,7 +45,7 @@ assert not extras, extras
 
 def main(argv=None):
     parser = argparse.ArgumentParser(
-        prog="python -m tests.environments",
+        prog="python tests/environments.py",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
