@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.xdist_group("determinism")  # computed once for all
+
 # Threads of the native libraries, and what the process hashes text with.
 PROCESSES = [("1", "0"), ("2", "1")]
 
