@@ -162,8 +162,8 @@ def _place_batch(branches, tracks, labels):
     tracks = unpack_tracks(tracks)
     affinity = 0
     for sampler, kernel in branches:
-        every = max(1, int(kernel._median_pairs // PAIRS_TO_PLACE))
-        blocks = sampler._blocks(*tracks, every)
-        affinity += kernel._transform_blocks(len(tracks[0]), blocks, every)
+        pairs = kernel._spread_pairs(PAIRS_TO_PLACE)
+        blocks = sampler._blocks(*tracks, pairs)
+        affinity += kernel._transform_blocks(len(tracks[0]), blocks, pairs)
     votes = [nearest_votes(affinity, partition) for partition in labels]
     return tuple(map(np.stack, zip(*votes, strict=True)))

@@ -184,16 +184,23 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return self._fit_affinity(preferences)
 
     @single_threaded
-    def _transform_blocks(self, n_tracks, blocks, every=1):
-        """What ``transform`` does, from residuals of every so many frame pairs."""
+    def _transform_blocks(self, n_tracks, blocks, pairs):
+        """What ``transform`` does, from residuals of some of the frame pairs."""
         preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
-        fitted = self._preferences.every(every)
+        fitted = self._preferences.of_pairs(pairs)
         return self._affinity_to_fitted(preferences, fitted)
 
-    @property
-    def _median_pairs(self):
-        """Frame pairs in which half of the fitted rows are seen."""
-        return np.median(self._preferences.seen.sum(axis=1))
+    def _spread_pairs(self, n_pairs):
+        """Positions of frame pairs, spread evenly over those that see something.
+
+        Half of the fitted rows are seen in ``n_pairs`` of them, or up to twice as many,
+        or in all that there are.
+        """
+        fitted = self._preferences
+        every = int(np.median(fitted.seen.sum(axis=1)) // n_pairs)
+        if every < 2:
+            return np.arange(len(fitted.rows))
+        return np.flatnonzero(fitted.seen.any(axis=0))[::every]
 
     def _fit_affinity(self, preferences):
         self._preferences = preferences

@@ -192,11 +192,11 @@ class HypothesisSampler(
     def _residuals(self, points, visibility):
         return residual_matrix(points, visibility, *self._residual_arguments)
 
-    def _blocks(self, points, visibility, every=1):
-        """What ``transform`` gives, a frame pair at a time, or every so many."""
+    def _blocks(self, points, visibility, chosen=slice(None)):
+        """What ``transform`` gives, a frame pair at a time, of all or some."""
         pairs, hypotheses, *others = self._residual_arguments
         return residual_blocks(
-            points, visibility, pairs[::every], hypotheses[::every], *others
+            points, visibility, pairs[chosen], hypotheses[chosen], *others
         )
 
     @property

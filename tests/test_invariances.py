@@ -355,6 +355,22 @@ def test_a_frame_that_sees_nothing_changes_nothing(frames, n_motions, selection)
     assert_array_equal(after.costs_, before.costs_)
 
 
+@empty_frames
+@pytest.mark.parametrize("n_frames", [8, 40])  # of 40, some of the pairs place tracks
+def test_a_frame_that_sees_nothing_changes_no_landmark_and_no_place(n_frames, frames):
+    X, _ = make_rigid_motions(120, n_frames, 2, missing=0.05, random_state=0)
+    points, _ = unpack_tracks(X)
+    before, after = (
+        MotionSegmenter(2, n_landmarks=60, n_hypotheses=40, random_state=0).fit(
+            pack_tracks(p)
+        )
+        for p in (points, with_empty_frames(points, **frames))
+    )
+    assert_array_equal(after.landmarks_, before.landmarks_)
+    assert_array_equal(after.labels_, before.labels_)
+    assert_array_equal(after.probabilities_, before.probabilities_)
+
+
 # ----------------------------------------------------------------------- doubled tracks
 
 

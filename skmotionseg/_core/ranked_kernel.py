@@ -56,11 +56,14 @@ class Preferences:
             seen[rows, pair] = True
         return seen
 
-    def every(self, step):
-        """Those of every so many pairs."""
-        if step == 1:
+    def of_pairs(self, pairs):
+        """Those of some of the pairs, given as ascending positions."""
+        if len(pairs) == len(self.rows):
             return self
-        return Preferences(self.n_tracks, self.rows[::step], self.marks[::step])
+        rows, marks = (
+            [side[pair] for pair in pairs] for side in (self.rows, self.marks)
+        )
+        return Preferences(self.n_tracks, rows, marks)
 
     @lazy
     def rank(self):
