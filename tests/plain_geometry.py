@@ -93,7 +93,7 @@ def robust_map(name, x, y, residual):
                 rows.append(w * np.r_[x[i], zero, -y[i, 0] * x[i]])
                 rows.append(w * np.r_[zero, x[i], -y[i, 1] * x[i]])
         if name == "affine":
-            a = np.linalg.lstsq(np.array(rows), np.array(targets))[0]
+            a = np.linalg.lstsq(np.array(rows), np.array(targets), rcond=None)[0]
             M = np.array([a[:3], a[3:], [0, 0, 1]])
         else:
             M = np.linalg.svd(np.array(rows))[2][-1].reshape(3, 3)

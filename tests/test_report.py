@@ -135,7 +135,7 @@ def test_a_robust_map_of_clean_tracks_is_as_good_as_the_true_one(name):
     start, end = (
         np.column_stack([side, np.ones(400)]) for side in clean.swapaxes(0, 1)
     )
-    true = np.linalg.lstsq(start, end)[0].T
+    true = np.linalg.lstsq(start, end, rcond=None)[0].T
     expected = MOTION_MODELS["affine"].residuals(true[None], x, y)
     assert 0.95 < errors.sum() / expected.sum() < 1
 
