@@ -181,6 +181,8 @@ def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.int
         raise ValueError(
             f"{n_tracks} tracks need a label each; got shape {labels.shape}"
         )
-    if labels.size and labels.dtype.kind not in "iu":  # an empty list has no integers
+    if not labels.size:
+        return labels.astype(int)  # an empty list has no integers
+    if labels.dtype.kind not in "iu":
         raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
     return labels

@@ -191,10 +191,10 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return self._affinity_to_fitted(preferences, fitted)
 
     def _spread_pairs(self, n_pairs):
-        """Positions of frame pairs, spread evenly over those that see something.
+        """Positions of frame pairs: all, or every so many of those that see something.
 
-        Half of the fitted rows are seen in ``n_pairs`` of them, or up to twice as many,
-        or in all that there are.
+        So many that half of the fitted rows are seen in about ``n_pairs`` of them, or
+        up to twice as many.
         """
         fitted = self._preferences
         every = int(np.median(fitted.seen.sum(axis=1)) // n_pairs)

@@ -40,7 +40,7 @@ DEFAULT_FPS = 25.0
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
-# Pixels from the corner at which points are drawn at most: no frame is as large, and
+# Pixels from the corner at which points are drawn at most: no picture is as wide, and
 # OpenCV counts in 32 bits.
 FARTHEST = 2**24
 

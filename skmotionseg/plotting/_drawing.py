@@ -81,7 +81,7 @@ def read_stacked(affinities):
     Raises
     ------
     ValueError
-        If they are of another shape, or none.
+        If they are of another shape, or empty.
     """
     affinities = np.asarray(affinities, dtype=float)
     shape = affinities.shape
