@@ -129,7 +129,8 @@ def make_report(segmenter, points, visibility):
             f"a report needs the {len(labels)} tracks that were fitted; got "
             f"{len(points)}"
         )
-    geometry = clip_geometry(points[landmarks], visibility[landmarks])
+    fitted = np.ix_(landmarks, segmenter._frames)
+    geometry = clip_geometry(points[fitted], visibility[fitted])
     weights, term_names = cost_terms(segmenter)
     return SegmentationReport(
         motions=tuple(

@@ -27,7 +27,7 @@ from ._branches import (
 )
 from ._core.selection import canonical_labels, own_shares
 from ._core.spectral import connected_tracks
-from ._core.tracks import pack_tracks
+from ._core.tracks import filled_frames, pack_tracks
 from ._landmarks import landmarks_of
 from ._partition_search import PartitionSearch, search_partitions
 from ._report import SegmentationReport, follow_pairs, make_report
@@ -146,7 +146,8 @@ default="description_length"
     landmarks_ : ndarray of int, shape (n_landmarks,)
         The tracks that were fitted, by their position.
     branches_ : dict of str to (HypothesisSampler, ORKKernel)
-        The estimators of each model, fitted on the landmarks.
+        The estimators of each model, fitted on the landmarks, in the frames that see
+        any track.
     stage_seconds_ : dict
         Seconds for the choice of "landmarks", for "hypotheses" and "kernel" (summed
         over the models, whether or not they ran at the same time, and as first computed
@@ -289,6 +290,9 @@ default="description_length"
         models = check_models(self.models)
         get_fusion(self.fusion)
         points, visibility = self._read_tracks(X, reset=True)
+        # A frame that sees nothing must not part its neighbours.
+        self._frames = filled_frames(visibility, self.frame_gap + 1)
+        points, visibility = points[:, self._frames], visibility[:, self._frames]
         self._check_counts(len(points))
         check_batch_size(self.batch_size, len(points))
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
@@ -468,6 +472,7 @@ default="description_length"
         """
         check_is_fitted(self)
         points, visibility = self._read_tracks(X, reset=False)
+        points, visibility = points[:, self._frames], visibility[:, self._frames]
         tracks = pack_tracks(points)
         (labels,), _ = self._place(tracks, self.labels_[None, self.landmarks_])
         return _reject(points, visibility, labels, self._explanation)

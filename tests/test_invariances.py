@@ -344,6 +344,27 @@ def test_a_frame_that_sees_nothing_adds_pairs_without_residuals(model, frames):
     assert_array_equal(kernel(longer), kernel(R))
 
 
+def with_empty_frames_between(points, places):
+    """Tracks with a frame in which nothing is seen before each of these frames."""
+    return np.insert(points, places, np.nan, axis=1)
+
+
+@pytest.mark.parametrize("places", [[1], [3, 3], [0, 2, 4]], ids=str)
+@every_way
+def test_a_frame_that_sees_nothing_parts_no_neighbours(places, n_motions, selection):
+    points, _, _ = scene()
+    longer = with_empty_frames_between(points, places)
+    before, after = (segment(p, n_motions, selection) for p in (points, longer))
+    assert_array_equal(after.labels_, before.labels_)
+    assert_array_equal(after.candidate_labels_, before.candidate_labels_)
+    assert_array_equal(after.costs_, before.costs_)
+    tracks = pack_tracks(points), pack_tracks(longer)
+    assert_array_equal(after.predict(tracks[1]), before.predict(tracks[0]))
+    first, second = before.report(tracks[0]), after.report(tracks[1])
+    assert second.n_frames == first.n_frames + len(places)
+    assert [m.residual for m in second.motions] == [m.residual for m in first.motions]
+
+
 @empty_frames
 @every_way
 def test_a_frame_that_sees_nothing_changes_nothing(frames, n_motions, selection):
