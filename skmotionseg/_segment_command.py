@@ -21,10 +21,10 @@ from ._console import (
 )
 from ._core.tracks import unpack_tracks
 from ._extras import require
-from ._frames import is_video
 from ._palette import motion_colour
 from ._report import pixels
 from ._writing import check_folder_of, check_output, replacing
+from .video._frames import is_video
 
 LABEL_ENDINGS = (".npz", ".csv")
 

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from skmotionseg._frames import VIDEO_ENDINGS, open_frames
 from skmotionseg.datasets import load_tracks
 from skmotionseg.datasets._moseg import read_definition
 from skmotionseg.datasets._regions import _read_image
+from skmotionseg.video._frames import VIDEO_ENDINGS, open_frames
 
 MOST_BYTES = 2**30
 MOST_SECONDS = 20

@@ -33,9 +33,9 @@ FITS = {
 }
 TRACKED = ("segment", "{video}", "--motions", "2", "--grid", "12", "--jobs", "2")
 COMMANDS = {
-    "tracking": ("skmotionseg.video._refine", TRACKED),
+    "tracking": ("skmotionseg.video._tracking._refine", TRACKED),
     "writing a video": (
-        "skmotionseg.video._Pen.draw",
+        "skmotionseg.video._rendering._Pen.draw",
         (*TRACKED, "--render", "{out}/motions.mp4"),
     ),
     "writing labels": (

@@ -22,9 +22,9 @@ from moseg_files import definition_text, write_tracks
 from test_datasets import TRACKER_FILES, homogeneous_pixels, observations, write_struct
 
 from skmotionseg import unpack_tracks
-from skmotionseg._frames import open_frames
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.datasets._mat5 import read_mat5
+from skmotionseg.video._frames import open_frames
 
 resource = pytest.importorskip("resource", reason="limits of memory are POSIX's")
 

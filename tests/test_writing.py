@@ -125,7 +125,12 @@ def test_every_writer_of_the_package_replaces():
                 n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)
             }
             assert "_writing" in modules, path
-    assert writers >= {"export.py", "video.py", "_console.py", "_segment_command.py"}
+    assert writers >= {
+        "export.py",
+        "_rendering.py",
+        "_console.py",
+        "_segment_command.py",
+    }
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import struct
 import warnings
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from ._extras import require
+from .._extras import require
+
+# What frames are read from, and what is told how many are done, of how many.
+Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]
+Progress: TypeAlias = Callable[[int, int | None], object]
 
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")

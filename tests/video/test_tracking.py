@@ -11,14 +11,6 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from skmotionseg import unpack_tracks
-from skmotionseg._core.tracking import (
-    CLEARANCE,
-    TrackLog,
-    field_gradient,
-    is_inside,
-    sample_field,
-    seed_points,
-)
 from skmotionseg._palette import COLOURS
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_tracks
@@ -28,6 +20,14 @@ from skmotionseg.preprocessing import (
     select_long_tracks,
 )
 from skmotionseg.video import render_segmentation, track_video
+from skmotionseg.video._grid import (
+    CLEARANCE,
+    TrackLog,
+    field_gradient,
+    is_inside,
+    sample_field,
+    seed_points,
+)
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 

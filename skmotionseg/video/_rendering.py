@@ -1,0 +1,242 @@
+"""Labels drawn on the frames of their video."""
+
+from __future__ import annotations
+
+import os
+from itertools import islice
+from numbers import Integral
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core.tracks import unpack_tracks
+from .._extras import require
+from .._palette import motion_colour
+from .._validation import check_label_each
+from .._writing import check_output, replacing_path
+from ._checks import check_fps, check_number, make_reporter
+from ._frames import Progress, Source, open_frames
+
+# Frames per second of a rendered clip whose source does not say.
+DEFAULT_FPS = 25.0
+RENDER_ENDINGS = (".mp4", ".png")
+# Frames on a contact sheet, and how wide one is drawn at most.
+SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
+# Pixels from the corner at which points are drawn at most: no picture is as wide, and
+# OpenCV counts in 32 bits.
+FARTHEST = 2**24
+
+
+def render_segmentation(
+    source: Source,
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    out: str | os.PathLike[str],
+    *,
+    trail: int = 5,
+    fps: float | None = None,
+    progress: Progress | None = None,
+) -> None:
+    """Draw the points of a segmentation on the frames of their video.
+
+    Each point has the colour of its motion, the one it has in
+    :func:`skmotionseg.plotting.plot_motions`, and a tail over the last frames; a point
+    of no motion is a hollow grey circle. Frames are read one at a time, and the file
+    is put in its place once it is whole.
+
+    Parameters
+    ----------
+    source : path or iterable of arrays
+        The video of the tracks, as for :func:`track_video`.
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels of the video; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Motion of each track; -1 for none.
+    out : path
+        ``.mp4``: a video (MPEG-4 Part 2) of ``n_frames``; odd widths and heights,
+        which it cannot have, grow by a pixel. ``.png``: a contact sheet of up to nine
+        frames spread over the clip, with their numbers.
+    trail : int, default=5
+        Frames that tails go back; 0 for none.
+    fps : float, optional
+        Frames a second; by default the source's, or 25 if it has none.
+    progress : callable, optional
+        Called after each frame with the number done and the number there will be.
+
+    Returns
+    -------
+    None
+
+    Raises
+    ------
+    FileNotFoundError, TypeError, ValueError
+        If the source is not as described or has fewer frames than the tracks, these
+        have none, there is not a label a track, ``fps`` is no positive number, or
+        ``out`` has another ending or no folder.
+    OSError
+        If the video cannot be written.
+    ImportError
+        If opencv-python-headless is missing.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> from skmotionseg.video import render_segmentation, track_video
+    >>> frames = np.full((3, 48, 64), 200, dtype=np.uint8)  # n_frames, height, width
+    >>> X = [[10, 10, 12, 10, 14, 10], [40, 30, 40, 30, 40, 30]]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     out = pathlib.Path(folder, "motions.mp4")
+    ...     render_segmentation(frames, X, [0, 1], out)
+    ...     out.stat().st_size > 0
+    True
+    """
+    points, visibility = unpack_tracks(X)
+    if not points.shape[1]:
+        raise ValueError("tracks of one frame or more are needed; got none")
+    labels = check_label_each(labels, len(points))
+    out = Path(out)
+    check_output(out, RENDER_ENDINGS)
+    check_number("trail", trail, Integral, 0)
+    check_fps(fps)
+    frames = open_frames(source)
+    fps = fps or frames.fps or DEFAULT_FPS
+    n_frames = points.shape[1]
+    report = make_reporter(progress, n_frames)
+    frames = _first_frames(frames, n_frames, report)
+    pen = _Pen(points, visibility, labels, trail)
+    with replacing_path(out) as part:
+        if out.suffix.lower() == ".png":
+            _write_sheet(_draw_tiles(frames, pen, n_frames), part)
+        else:
+            _write_video(map(pen.draw, frames, range(n_frames)), part, fps)
+
+
+def _first_frames(frames, n_frames, report):
+    """Exactly so many frames, or an error."""
+    done = 0
+    for done, frame in enumerate(islice(frames, n_frames), start=1):
+        yield frame
+        report(done)
+    if done < n_frames:
+        raise ValueError(f"the tracks have {n_frames} frames, but {frames.name} {done}")
+
+
+class _Pen:
+    """Draws the points of a frame.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    labels : ndarray of int, shape (n_tracks,)
+    trail : int
+    """
+
+    def __init__(self, points, visibility, labels, trail):
+        self._points = points
+        self._visibility = visibility
+        self._trail = trail
+        # Points of no motion are drawn first, small motions last: on top of others.
+        self._motions = [(m, np.flatnonzero(labels == m)) for m in np.unique(labels)]
+
+    def draw(self, frame, number, scale=1.0):
+        """A paler copy of a frame, scaled, with its points and their tails."""
+        cv2 = require("cv2", extra="video")
+        if scale != 1:
+            frame = cv2.resize(
+                frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA
+            )
+        canvas = cv2.convertScaleAbs(frame, alpha=0.6, beta=80)
+        radius = max(2, round(min(canvas.shape[:2]) / 240))
+        for motion, rows in self._motions:
+            colour = _blue_green_red(motion_colour(motion))
+            tails = self._tails(rows, number, scale)
+            cv2.polylines(canvas, tails, False, colour, 1)
+            seen = rows[self._visibility[rows, number]]
+            thickness = 1 if motion < 0 else cv2.FILLED
+            for x, y in _to_canvas(self._points[seen, number], scale).tolist():
+                cv2.circle(canvas, (x, y), radius, colour, thickness, cv2.LINE_AA)
+        return canvas
+
+    def _tails(self, rows, number, scale):
+        """Steps of tracks that are seen now, over the last frames: (n, 2, 2)."""
+        rows = rows[self._visibility[rows, number]]
+        first = max(0, number - self._trail)
+        points = self._points[rows, first : number + 1]
+        seen = self._visibility[rows, first : number + 1]
+        steps = np.stack([points[:, :-1], points[:, 1:]], axis=2)  # (n, trail, 2, 2)
+        return _to_canvas(steps[seen[:, :-1] & seen[:, 1:]], scale)
+
+
+def _to_canvas(points, scale):
+    """Nearest pixels, their centres being whole numbers, of a scaled frame."""
+    pixels = np.rint((points + 0.5) * scale - 0.5)
+    return pixels.clip(-FARTHEST, FARTHEST).astype(np.int32)
+
+
+def _blue_green_red(colour):
+    return tuple(int(colour[i : i + 2], 16) for i in (5, 3, 1))
+
+
+def _write_video(pictures, path, fps):
+    cv2 = require("cv2", extra="video")
+    writer = cv2.VideoWriter()
+    try:
+        for picture in pictures:
+            picture = _padded_to_even(picture)
+            if not writer.isOpened():
+                size = picture.shape[1::-1]
+                codec = cv2.VideoWriter_fourcc(*"mp4v")  # every build of OpenCV has it
+                writer.open(str(path), cv2.CAP_FFMPEG, codec, fps, size)
+                if not writer.isOpened():
+                    raise OSError(
+                        f"OpenCV cannot write a video of {size[0]} x {size[1]} pixels "
+                        f"at {fps:g} frames a second to {path.parent}"
+                    )
+            writer.write(picture)
+    finally:
+        writer.release()
+
+
+def _padded_to_even(picture):
+    cv2 = require("cv2", extra="video")
+    height, width = picture.shape[:2]
+    return cv2.copyMakeBorder(
+        picture, 0, height % 2, 0, width % 2, cv2.BORDER_REPLICATE
+    )
+
+
+def _draw_tiles(frames, pen, n_frames):
+    """Numbered pictures of some frames, from the first to the last."""
+    cv2 = require("cv2", extra="video")
+    chosen = np.linspace(0, n_frames - 1, min(n_frames, SHEET_FRAMES)).round()
+    for number, frame in enumerate(frames):
+        if number not in chosen:
+            continue
+        scale = min(1.0, SHEET_TILE / max(frame.shape))
+        tile = pen.draw(frame, number, scale)
+        for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
+            cv2.putText(
+                tile,
+                f"frame {number}",
+                (8, 22),
+                cv2.FONT_HERSHEY_SIMPLEX,
+                0.6,
+                colour,
+                thickness,
+                cv2.LINE_AA,
+            )
+        yield tile
+
+
+def _write_sheet(tiles, path):
+    cv2 = require("cv2", extra="video")
+    tiles = list(tiles)
+    blank = np.full_like(tiles[0], 255)
+    tiles += [blank] * (-len(tiles) % SHEET_COLUMNS)
+    rows = zip(*[iter(tiles)] * SHEET_COLUMNS, strict=True)
+    sheet = np.vstack([np.hstack(row) for row in rows])
+    if not cv2.imwrite(str(path), sheet):
+        raise OSError(f"OpenCV cannot write a picture to {path.parent}")
