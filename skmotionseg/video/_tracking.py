@@ -28,7 +28,7 @@ SMALLEST_SIDE = 16
 class VideoTracks:
     """Tracks of a video, and what there is to know about it.
 
-    Attributes
+    Parameters
     ----------
     tracks : ndarray of shape (n_tracks, 2 * n_frames), float32
         In pixels of the video; NaN where unseen. The ``X`` of the estimators.
@@ -36,7 +36,7 @@ class VideoTracks:
     width, height : int
         Of a frame, in pixels.
     fps : float or None
-        Frames a second, where the source says.
+        Frames per second, where the source says.
 
     Examples
     --------
