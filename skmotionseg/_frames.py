@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._extras import require
+from ._utils.optional import require
 
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._core.tracking import (
     TrackLog,
     field_gradient,
@@ -20,12 +21,11 @@ from ._core.tracking import (
     sample_field,
     seed_points,
 )
-from ._core.tracks import pack_tracks, unpack_tracks
-from ._extras import require
 from ._frames import open_frames
-from ._palette import motion_colour
-from ._validation import check_label_each
-from ._writing import check_output, replacing_path
+from ._utils.colours import motion_colour
+from ._utils.optional import require
+from ._utils.validation import check_label_each
+from ._utils.writing import check_output, replacing_path
 
 # Side, in pixels, of the window in which texture is measured and flow is refined.
 WINDOW = 11

@@ -19,7 +19,7 @@ from skmotionseg._core.tracking import (
     sample_field,
     seed_points,
 )
-from skmotionseg._palette import COLOURS
+from skmotionseg._utils.colours import COLOURS
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_tracks
 from skmotionseg.preprocessing import (
