@@ -27,7 +27,7 @@ from .measuring import interleave, show_progress, spread
 from .plain import N_SWEEPS, unit_rows
 from .stages import FUSIONS
 
-TEXTBOOK = Path(__file__).parents[1] / "tests" / "textbook.py"
+TEXTBOOK = Path(__file__).parents[1] / "tests" / "helpers" / "textbook.py"
 LAM = GAMMA = 1e-2  # of all who have such weights
 N_INIT = 20  # restarts of k-means, likewise
 

@@ -6,7 +6,7 @@ import json
 import re
 from pathlib import Path
 
-from skmotionseg._writing import replacing
+from skmotionseg._utils.writing import replacing
 
 from .measuring import machine
 

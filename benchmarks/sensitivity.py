@@ -31,7 +31,7 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from skmotionseg import MotionSegmenter
-from skmotionseg._core import epipolar
+from skmotionseg._core.geometry import epipolar
 from skmotionseg.datasets import (
     load_hopkins12,
     load_hopkins155,
@@ -98,18 +98,18 @@ class Constant:
 
 
 CONSTANTS = (
-    Constant("_core.judging", "CUT_WEIGHT"),
-    Constant("_core.judging", "GAIN_OF_CUT"),
-    Constant("_partition_search", "SPARSITIES"),
-    Constant("_partition_search", "OVERSEGMENTATION"),
-    Constant("_core.geometry", "FRAME_GAPS", last_scaled),
-    Constant("_core.geometry", "MAX_PAIRS"),
-    Constant("_core.geometry", "NOISE_LEVELS"),
-    Constant("_core.epipolar", "ROBUST_SCALE"),
-    Constant("_core.epipolar", "ROBUST_SWEEPS"),
-    Constant("_core.motions", "LIMIT"),
-    Constant("_core.motions", "CONCENTRATIONS"),
-    Constant("_core.motions", "USUAL_NOISE"),
+    Constant("_core.partition.cost", "CUT_WEIGHT"),
+    Constant("_core.partition.cost", "GAIN_OF_CUT"),
+    Constant("_core.partition.search", "SPARSITIES"),
+    Constant("_core.partition.search", "OVERSEGMENTATION"),
+    Constant("_core.geometry.description_length", "FRAME_GAPS", last_scaled),
+    Constant("_core.geometry.description_length", "MAX_PAIRS"),
+    Constant("_core.geometry.description_length", "NOISE_LEVELS"),
+    Constant("_core.geometry.epipolar", "ROBUST_SCALE"),
+    Constant("_core.geometry.epipolar", "ROBUST_SWEEPS"),
+    Constant("_core.partition.motions", "LIMIT"),
+    Constant("_core.partition.motions", "CONCENTRATIONS"),
+    Constant("_core.partition.motions", "USUAL_NOISE"),
     Constant(None, "n_hypotheses"),
     Constant(None, "top"),
     Constant(None, "covisibility_prior"),

@@ -1,20 +1,19 @@
 """Motion segmentation of point tracks, as scikit-learn estimators."""
 
-from ._core.tracks import pack_tracks, unpack_tracks
-from ._report import SegmentationReport
+from ._core.geometry.tracks import pack_tracks, unpack_tracks
+from ._segmenter.report import SegmentationReport
+from ._version import __version__ as __version__
 from .cluster import MultiModelSpectralClustering
 from .export import save_motions, static_mask
 from .kernels import ORKKernel
 from .model_selection import (
     EigengapModelSelector,
     NCREModelSelector,
-    PerSequence,
     SelfTuningModelSelector,
 )
 from .sampling import HypothesisSampler
 from .segmentation import MotionSegmenter, make_motion_pipeline
-
-__version__ = "0.1.0"
+from .sequences import PerSequence
 
 __all__ = [
     "EigengapModelSelector",

@@ -12,16 +12,12 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, check_non_negative
 
-from ._core.kmeans import kmeans, nearest_centres
-from ._core.selection import canonical_labels
-from ._core.spectral import (
-    ViewGraph,
-    cluster_features,
-    extend_embedding,
-)
-from ._parallel import thread_map
-from ._threads import single_threaded
-from ._validation import (
+from ._core.graph.kmeans import kmeans, nearest_centres
+from ._core.graph.spectral import ViewGraph, cluster_features, extend_embedding
+from ._core.labels import canonical_labels
+from ._parallel.engine import thread_map
+from ._parallel.threads import single_threaded
+from ._utils.validation import (
     check_n_groups,
     get_fusion,
     read_affinities,

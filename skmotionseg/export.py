@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ._core.tracks import pack_tracks, unpack_tracks
-from ._validation import check_label_each
-from ._writing import replacing
+from ._core.geometry.tracks import pack_tracks, unpack_tracks
+from ._utils.validation import check_label_each
+from ._utils.writing import replacing
 
 
 def static_mask(

@@ -16,8 +16,8 @@ from sklearn.base import (
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.neighbourhood import neighbourhood_thresholds, sparsify
-from ._core.ranked_kernel import (
+from ._core.graph.neighbourhood import neighbourhood_thresholds, sparsify
+from ._core.graph.residual_kernel import (
     Preferences,
     blocks_of_matrix,
     co_occurrence,
@@ -25,8 +25,8 @@ from ._core.ranked_kernel import (
     covisible_affinity,
     own_affinity,
 )
-from ._threads import single_threaded
-from ._validation import read_matrix
+from ._parallel.threads import single_threaded
+from ._utils.validation import read_matrix
 
 
 class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):

@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
 from numbers import Integral, Real
 from typing import Self
 
 import numpy as np
 import numpy.typing as npt
-from joblib import Memory
-from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import HasMethods, Interval
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.eigenstructure import alignment_costs, best_aligned, eigengap_costs
-from ._core.selection import (
-    canonical_labels,
-    normalized_cut,
-    reconstruction_error,
-)
-from ._core.spectral import ViewGraph
-from ._parallel import run_tasks, thread_map
-from ._tasks import Task
-from ._threads import single_threaded
-from ._validation import as_memory, check_n_groups, read_affinities
+from ._core.graph.cuts import normalized_cut, reconstruction_error
+from ._core.graph.eigenvector_rules import alignment_costs, best_aligned, eigengap_costs
+from ._core.graph.spectral import ViewGraph
+from ._core.labels import canonical_labels
+from ._parallel.engine import thread_map
+from ._parallel.threads import single_threaded
+from ._utils.validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
-from .metrics import misclassification_error
 
 
 def _clusterer_predicts(selector):
@@ -439,191 +430,3 @@ def partition_costs(
     cut = sum(normalized_cut(view, labels) for view in views)
     reconstruction = sum(reconstruction_error(view, labels) for view in views)
     return np.array([cut, reconstruction, cut + delta * reconstruction])
-
-
-class PerSequence(BaseEstimator):
-    """One setting for many sequences: each sample is a whole sequence.
-
-    Wraps an estimator of one sequence so that :class:`~sklearn.model_selection.\
-GridSearchCV` can look for the parameters that segment a *set* of sequences best. Tracks
-    of different sequences have nothing in common, so nothing is carried from one to
-    another: :meth:`fit` only takes note of its input, and :meth:`predict` segments each
-    sequence by itself with a clone of the estimator.
-
-    Parameters
-    ----------
-    estimator : estimator
-        With ``fit_predict``, such as :class:`MotionSegmenter`. Give it an integer
-        ``random_state`` for the same result every time.
-    n_jobs : int or None, default=None
-        Sequences at a time, as in joblib, whose ``parallel_config`` says where: on a
-        dask cluster, say.
-    memory : str, joblib.Memory or None, default=None
-        Keeps the labels of each sequence and setting, so that a search that was
-        interrupted goes on, when it is run again, with the first that is not there.
-        Needs an integer ``random_state`` in the estimator.
-
-    Attributes
-    ----------
-    n_sequences_ : int
-        Sequences seen in ``fit``.
-
-    Examples
-    --------
-    >>> from sklearn.model_selection import GridSearchCV, KFold
-    >>> from skmotionseg import MotionSegmenter, PerSequence
-    >>> from skmotionseg.datasets import make_rigid_motions
-    >>> scenes = [
-    ...     make_rigid_motions(n_tracks=60, n_frames=4, n_motions=2, random_state=seed)
-    ...     for seed in range(2)
-    ... ]
-    >>> sequences, labels = [X for X, y in scenes], [y for X, y in scenes]
-    >>> segmenter = MotionSegmenter(n_motions=2, n_hypotheses=50, random_state=0)
-    >>> search = GridSearchCV(
-    ...     PerSequence(segmenter), {"estimator__sparsity": [4, 6]}, cv=KFold(2)
-    ... )
-    >>> search.fit(sequences, labels).best_params_["estimator__sparsity"] in (4, 6)
-    True
-    """
-
-    _parameter_constraints: dict = {
-        "estimator": [HasMethods(["fit_predict", "get_params", "set_params"])],
-        "n_jobs": [Integral, None],
-        "memory": [str, os.PathLike, Memory, None],
-    }
-
-    def __init__(
-        self,
-        estimator: BaseEstimator,
-        n_jobs: int | None = None,
-        memory: str | os.PathLike[str] | Memory | None = None,
-    ) -> None:
-        self.estimator = estimator
-        self.n_jobs = n_jobs
-        self.memory = memory
-
-    @_fit_context(prefer_skip_nested_validation=False)
-    def fit(
-        self,
-        X: Sequence[npt.ArrayLike],
-        y: Sequence[npt.ArrayLike] | None = None,
-    ) -> Self:
-        """Take note of the sequences.
-
-        Parameters
-        ----------
-        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
-        y : list of array-like of int, each of shape (n_tracks,), optional
-
-        Returns
-        -------
-        self
-
-        Raises
-        ------
-        ValueError
-            If ``X`` holds no sequence, or ``y`` not a label a track.
-        """
-        sequences = self._read_sequences(X, reset=True)
-        if y is not None:
-            self._read_labels(y, sequences)
-        return self
-
-    def _read_sequences(self, X, *, reset):
-        """Check sequences and list them as arrays."""
-        if issparse(X):
-            raise TypeError("sparse data is not supported; give a list of track arrays")
-        sequences = [np.asarray(x) for x in X] if _is_listlike(X) else []
-        if not sequences:
-            raise ValueError(
-                "X must be a list of track arrays, one a sequence; got "
-                f"{type(X).__name__}" + (" without any" if _is_listlike(X) else "")
-            )
-        for i, x in enumerate(sequences):
-            if x.ndim != 2:
-                raise ValueError(
-                    "each sequence must be a track array of shape (n_tracks, "
-                    f"2 * n_frames); sequence {i} has shape {x.shape}"
-                )
-        if reset:
-            self.n_sequences_ = len(sequences)
-        return sequences
-
-    def _read_labels(self, y, sequences):
-        """Check labels against sequences and list them as arrays."""
-        if y is None:
-            raise ValueError("true labels are needed: a label array a sequence")
-        labels = [np.asarray(labels) for labels in y]
-        if len(labels) != len(sequences):
-            raise ValueError(
-                f"got {len(sequences)} sequences and {len(labels)} label arrays"
-            )
-        for i, (one, x) in enumerate(zip(labels, sequences, strict=True)):
-            if one.shape != (len(x),):
-                raise ValueError(
-                    f"sequence {i} has {len(x)} tracks and labels of shape {one.shape}"
-                )
-        return labels
-
-    @single_threaded
-    def predict(self, X: Sequence[npt.ArrayLike]) -> list[npt.NDArray[np.intp]]:
-        """Segment each sequence.
-
-        Parameters
-        ----------
-        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
-
-        Returns
-        -------
-        list of ndarray of int, each of shape (n_tracks,)
-
-        Raises
-        ------
-        Exception
-            What the estimator raises, or dask when every worker died that tried, with
-            a note that says which sequence it was (0 is the first).
-        """
-        check_is_fitted(self)
-        memory = as_memory(self.memory)
-        return run_tasks(
-            (
-                Task(f"segmenting sequence {i}", _recall, memory, self.estimator, x)
-                for i, x in enumerate(self._read_sequences(X, reset=False))
-            ),
-            n_jobs=self.n_jobs,
-        )
-
-    def score(self, X: Sequence[npt.ArrayLike], y: Sequence[npt.ArrayLike]) -> float:
-        """One minus the mean misclassification error over the sequences.
-
-        Parameters
-        ----------
-        X : list of array-like, each of shape (n_tracks, 2 * n_frames)
-        y : list of array-like of int, each of shape (n_tracks,)
-            True labels; tracks of label -1 are not judged.
-
-        Returns
-        -------
-        float
-        """
-        check_is_fitted(self)
-        labels = self._read_labels(y, self._read_sequences(X, reset=False))
-        errors = map(misclassification_error, labels, self.predict(X))
-        return 1 - float(np.mean(list(errors)))
-
-
-def _recall(memory, estimator, X):
-    """Labels from memory, or else put there."""
-    from . import __version__  # which is not there yet when this module is
-
-    # Where joblib maps arrays into memory for its workers, they are hashed as others.
-    return memory.cache(_segment)(estimator, np.asarray(X), __version__)
-
-
-def _segment(estimator, X, version):
-    """Labels; the version says of what code they are, where they are kept."""
-    return clone(estimator).fit_predict(X)
-
-
-def _is_listlike(X):
-    return isinstance(X, (list, tuple, np.ndarray)) and np.ndim(X[:0]) > 0

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.utils import check_random_state
 
-from ._core.epipolar import mean_sampson_errors
-from ._core.tracks import unpack_tracks
+from ._core.geometry.epipolar import mean_sampson_errors
+from ._core.geometry.tracks import unpack_tracks
 
 
 def select_long_tracks(X: npt.ArrayLike, min_length: int = 5) -> npt.NDArray[np.bool_]:

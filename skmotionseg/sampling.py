@@ -17,10 +17,10 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
-from ._core.tracks import frame_pairs, working_coordinates
-from ._threads import single_threaded
-from ._validation import TracksInput, get_motion_model
+from ._core.geometry.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
+from ._core.geometry.tracks import frame_pairs, working_coordinates
+from ._parallel.threads import single_threaded
+from ._utils.validation import TracksInput, get_motion_model
 
 
 class HypothesisSampler(

@@ -17,7 +17,16 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from ._branches import (
+from ._core.geometry.tracks import filled_frames, pack_tracks
+from ._core.graph.cuts import own_shares
+from ._core.graph.spectral import connected_tracks
+from ._core.labels import canonical_labels
+from ._core.partition.search import PartitionSearch, search_partitions
+from ._parallel.threads import single_threaded
+from ._segmenter.landmarks import landmarks_of
+from ._segmenter.memory import check_batch_size, number_of_landmarks
+from ._segmenter.report import SegmentationReport, follow_pairs, make_report
+from ._segmenter.views import (
     ALL_MODELS,
     check_models,
     fit_branches,
@@ -25,15 +34,7 @@ from ._branches import (
     model_seeds,
     place_tracks,
 )
-from ._core.selection import canonical_labels, own_shares
-from ._core.spectral import connected_tracks
-from ._core.tracks import filled_frames, pack_tracks
-from ._landmarks import landmarks_of
-from ._partition_search import PartitionSearch, search_partitions
-from ._report import SegmentationReport, follow_pairs, make_report
-from ._scale import check_batch_size, number_of_landmarks
-from ._threads import single_threaded
-from ._validation import TracksInput, get_fusion
+from ._utils.validation import TracksInput, get_fusion
 from .cluster import MultiModelSpectralClustering
 from .model_selection import (
     EigengapModelSelector,

@@ -81,7 +81,7 @@ def lowest(python, folder, options):
     constraints.write_text("\n".join(lowest_versions()))
     tools = [r for r in project()["optional-dependencies"]["test"] if "skmo" not in r]
     install(python, "-c", constraints, "-e", ".[cli,video]", *tools)
-    test(python, "--ignore=skmotionseg/_dask.py", *options)
+    test(python, "--ignore=skmotionseg/_parallel/dask.py", *options)
 
 
 def newest(python, folder, options):

@@ -11,7 +11,7 @@ from textwrap import shorten
 import numpy as np
 from sklearn.utils import Bunch
 
-from .._core.tracks import pack_tracks, unpack_tracks
+from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._mat5 import read_mat5
 from ._moseg import read_moseg_tracks
 from ._sizes import check_table, whole_numbers

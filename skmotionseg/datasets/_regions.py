@@ -11,8 +11,8 @@ from textwrap import shorten
 import numpy as np
 from sklearn.utils import Bunch
 
-from .._core.tracks import unpack_tracks
-from .._extras import require
+from .._core.geometry.tracks import unpack_tracks
+from .._utils.optional import require
 from ._moseg import read_definition, read_moseg_tracks
 
 FBMS_SETS = ("Trainingset", "Testset")

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 from sklearn.utils import check_random_state, shuffle
 
-from .._core.tracks import pack_tracks
+from .._core.geometry.tracks import pack_tracks
 
 IMAGE_SIZE = np.array([1280.0, 720.0])  # pixels
 FOCAL_LENGTH = 1000.0  # pixels: 65 degrees across

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import expit
 
-from .._core.tracks import pack_tracks
+from .._core.geometry.tracks import pack_tracks
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 

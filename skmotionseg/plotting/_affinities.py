@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from sklearn.pipeline import FeatureUnion, Pipeline
 
-from .._core.selection import indicator, reconstruction_error
-from .._extras import require
-from .._palette import AFFINITY_MAP, OUTLINE_COLOUR
+from .._core.graph.cuts import reconstruction_error
+from .._core.labels import indicator
+from .._utils.colours import AFFINITY_MAP, OUTLINE_COLOUR
+from .._utils.optional import require
 from ._drawing import (
     check_labels,
     check_names,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._core.selection import canonical_labels
-from .._cost_terms import cost_terms
-from .._extras import require
-from .._palette import series_colour
+from .._core.labels import canonical_labels
+from .._segmenter.cost_terms import cost_terms
+from .._utils.colours import series_colour
+from .._utils.optional import require
 from ..model_selection import NCREModelSelector, partition_costs
 from ._drawing import (
     check_labels,

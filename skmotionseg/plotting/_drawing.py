@@ -6,8 +6,8 @@ import numpy as np
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
-from .._extras import require
-from .._validation import split_views
+from .._utils.optional import require
+from .._utils.validation import split_views
 
 
 def require_pyplot():

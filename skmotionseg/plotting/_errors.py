@@ -11,7 +11,7 @@ from textwrap import shorten
 import numpy as np
 from sklearn.base import clone
 
-from .._palette import series_colour
+from .._utils.colours import series_colour
 from ..metrics import misclassification_error
 from ._drawing import check_names, figure_and_ax, legend_below, require_pyplot
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .._report import pixels
+from .._segmenter.report import pixels
 from ._counts import CountDisplay
 from ._drawing import last_step, legend_below, require_pyplot
 from ._tracks import MotionDisplay

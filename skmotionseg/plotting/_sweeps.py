@@ -9,12 +9,12 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
-from .._core.kmeans import kmeans
-from .._core.motion_models import MOTION_MODELS
-from .._core.selection import canonical_labels
-from .._core.spectral import cluster_features
-from .._palette import ERROR_MAP, series_colour
-from .._threads import single_threaded
+from .._core.geometry.motion_models import MOTION_MODELS
+from .._core.graph.kmeans import kmeans
+from .._core.graph.spectral import cluster_features
+from .._core.labels import canonical_labels
+from .._parallel.threads import single_threaded
+from .._utils.colours import ERROR_MAP, series_colour
 from ..metrics import misclassification_error
 from ._drawing import (
     check_labels,

@@ -6,10 +6,10 @@ from numbers import Integral
 
 import numpy as np
 
-from .._core.tracks import unpack_tracks
-from .._extras import require
-from .._palette import motion_colour
-from .._validation import check_label_each
+from .._core.geometry.tracks import unpack_tracks
+from .._utils.colours import motion_colour
+from .._utils.optional import require
+from .._utils.validation import check_label_each
 from ._drawing import (
     check_labels,
     figure_and_ax,

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from .._extras import require
+from .._utils.optional import require
 
 # What frames are read from, and what is told how many are done, of how many.
 Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]

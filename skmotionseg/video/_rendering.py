@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from .._core.tracks import unpack_tracks
-from .._extras import require
-from .._palette import motion_colour
-from .._validation import check_label_each
-from .._writing import check_output, replacing_path
+from .._core.geometry.tracks import unpack_tracks
+from .._utils.colours import motion_colour
+from .._utils.optional import require
+from .._utils.validation import check_label_each
+from .._utils.writing import check_output, replacing_path
 from ._checks import check_fps, check_number, make_reporter
 from ._frames import Progress, Source, open_frames
 

@@ -8,8 +8,8 @@ from numbers import Integral, Real
 
 import numpy as np
 
-from .._core.tracks import pack_tracks
-from .._extras import require
+from .._core.geometry.tracks import pack_tracks
+from .._utils.optional import require
 from ._checks import check_number, make_reporter
 from ._frames import Progress, Source, open_frames
 from ._grid import TrackLog, field_gradient, is_inside, sample_field, seed_points

@@ -11,7 +11,7 @@ import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from skmotionseg import unpack_tracks
-from skmotionseg._palette import COLOURS
+from skmotionseg._utils.colours import COLOURS
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_tracks
 from skmotionseg.preprocessing import (

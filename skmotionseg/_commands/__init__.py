@@ -1,0 +1,1 @@
+"""What the ``skmotionseg`` command does, a module per subcommand."""

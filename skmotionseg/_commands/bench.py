@@ -1,0 +1,173 @@
+"""``skmotionseg bench``: errors and times on real sequences, in the paper's tables."""
+
+from __future__ import annotations
+
+import json
+from contextlib import closing
+from pathlib import Path
+
+from .._utils.optional import require
+from .._utils.writing import check_output, replacing
+from .console import count, with_progress
+
+
+def add_bench(commands):
+    from .runs import LOADERS, METHODS
+
+    bench = commands.add_parser(
+        "bench",
+        help="measure errors and times on real sequences",
+        description="Run methods on every sequence under DIR/<dataset>/ and print "
+        "tables laid out as the paper's, with its figures beside ours. With --resume "
+        "FILE, what was interrupted goes on: the same command again does what is not "
+        "in the file yet.",
+    )
+    bench.add_argument("--data", type=Path, required=True, metavar="DIR")
+    bench.add_argument(
+        "--datasets", nargs="+", choices=list(LOADERS), help="those found in DIR"
+    )
+    bench.add_argument(
+        "--methods",
+        nargs="+",
+        choices=list(METHODS),
+        default=list(METHODS),
+        help="(all): the paper's, which choose the number of motions by NCRE; eigengap "
+        "and self_tuning, other choices, by all models or, as the paper compares them, "
+        "by homographies; and ours, which is called default",
+    )
+    bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="every record")
+    bench.add_argument(
+        "--resume",
+        type=Path,
+        metavar="FILE",
+        help="journal, made if there is none: each run is added as it ends, and those "
+        "in it, of the same tracks, method, parameters, seed and code of this package, "
+        "are not done again",
+    )
+    bench.add_argument("--jobs", type=int, default=-1, help="sequences at a time (all)")
+    bench.set_defaults(run=_run_bench)
+
+
+def _run_bench(arguments):
+    from .checkpoints import Journal
+    from .region_runs import summarize_regions
+    from .runs import find_sequences, run, summarize
+
+    console = require("rich.console", extra="cli").Console()
+    check_output(arguments.json)
+    check_output(arguments.resume)
+    journal = None if arguments.resume is None else Journal(arguments.resume)
+    sequences = find_sequences(arguments.data, arguments.datasets)
+    batches = run(
+        sequences, arguments.methods, arguments.seeds, arguments.jobs, journal
+    )
+    with closing(batches):  # and whoever works on them
+        batches = with_progress(
+            batches,
+            len(sequences) * arguments.seeds,
+            f"{len(sequences)} sequences, {arguments.seeds} seeds",
+            console,
+        )
+        records = sorted(
+            (record for batch in batches for record in batch),
+            key=lambda r: (r["dataset"], r["method"], r["sequence"], r["seed"]),
+        )
+    if arguments.json is not None:
+        with replacing(arguments.json) as file:
+            file.write(json.dumps(records, indent=1).encode())
+    counted = [record for record in records if "error_known" in record]
+    if counted:
+        for table in _bench_tables(summarize(counted), arguments.methods):
+            console.print(table)
+    regions = summarize_regions([r for r in records if "error_known" not in r])
+    for part in dict.fromkeys(key[:2] for key in regions):
+        console.print(_region_table(regions, part, arguments.methods))
+
+
+def _bench_tables(summary, methods):
+    """Three tables: number known, number unknown, seconds."""
+    datasets = list(dict.fromkeys(dataset for dataset, _ in summary))
+    return [
+        *(_error_table(summary, dataset, methods) for dataset in datasets),
+        _time_table(summary, datasets, methods),
+    ]
+
+
+def _error_table(summary, dataset, methods):
+    """One dataset: a row a method, the paper's figures in brackets."""
+    from .runs import PAPER
+
+    first = summary[dataset, methods[0]]
+    table = _figure_table(
+        f"{dataset}: {first['n_sequences']} sequences, {first['n_seeds']} seeds; "
+        "percent, ± over seeds (the paper's figure)"
+    )
+    figures = {
+        "error_known": "known: error",
+        "median_known": "median",
+        "error_unknown": "from 1: error",
+        "correct": "count right",
+        "error_unknown_from_2": "from 2: error",
+        "correct_from_2": "count right",
+    }
+    for title in figures.values():
+        table.add_column(title, justify="right")
+    for method in methods:
+        ours = summary[dataset, method]
+        paper = PAPER[dataset].get(method, (None,) * len(figures))
+        cells = zip(figures, paper, strict=True)
+        table.add_row(method, *(_figure(*ours[name], theirs) for name, theirs in cells))
+    return table
+
+
+def _region_table(summary, part, methods):
+    """One set of sequences that are scored by regions: a row a method."""
+    from .region_runs import REGION_PAPER
+
+    first = summary[*part, methods[0]]
+    table = _figure_table(
+        f"{' '.join(part).strip()}: {first['n_sequences']} sequences, "
+        f"{first['n_seeds']} seeds; number of motions unknown; percent, ± over seeds "
+        "(the paper's figure)"
+    )
+    figures = ("density", "precision", "recall", "f_measure")
+    for title in ("density", "precision", "recall", "F"):
+        table.add_column(title, justify="right")
+    table.add_column(f"objects of {first['visible']}", justify="right")
+    table.add_column("seconds", justify="right")
+    for method in methods:
+        ours = summary[*part, method]
+        paper = REGION_PAPER[part].get(method, (None,) * len(figures))
+        cells = zip(figures, paper, strict=True)
+        table.add_row(
+            method,
+            *(_figure(*ours[name], theirs) for name, theirs in cells),
+            _figure(*ours["extracted"], None),
+            f"{ours['seconds']:.2f}",
+        )
+    return table
+
+
+def _figure(mean, spread, theirs):
+    paper = "" if theirs is None else f"\n({theirs:.2f})"
+    return f"{mean:.2f}\n±{spread:.2f}{paper}"
+
+
+def _time_table(summary, datasets, methods):
+    table = _figure_table("mean seconds a sequence, number of motions known")
+    table.add_column("dataset")
+    for stage in ("hypotheses", "kernel", "clustering", "total"):
+        table.add_column(stage, justify="right")
+    for method in methods:
+        for dataset in datasets:
+            seconds = summary[dataset, method]["seconds"].values()
+            table.add_row(method, dataset, *(f"{second:.2f}" for second in seconds))
+        table.add_section()
+    return table
+
+
+def _figure_table(title):
+    table = require("rich.table", extra="cli").Table(title=title, title_justify="left")
+    table.add_column("method", no_wrap=True)
+    return table

@@ -1,0 +1,86 @@
+"""What the commands share: numbers they take, tables and progress they print."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import contextmanager
+
+import numpy as np
+
+from .._utils.optional import require
+from .._utils.writing import replacing_path
+
+PICTURES = (".png", ".pdf", ".svg", ".jpg")
+
+
+def count(text):
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected 1 or more; got {text}")
+    return number
+
+
+def pyplot():
+    require("matplotlib", extra="cli").use("Agg")
+    return require("matplotlib.pyplot", extra="cli")
+
+
+def save_figure(figure, path):
+    """Write a figure, and close it."""
+    with replacing_path(path) as part:
+        figure.savefig(part, dpi=130, bbox_inches="tight")
+    pyplot().close(figure)
+
+
+def facts_table(title, facts):
+    table = require("rich.table", extra="cli").Table(
+        title=title, show_header=False, title_justify="left"
+    )
+    table.add_column(style="dim")
+    table.add_column(justify="right")
+    for name, value in facts:
+        table.add_row(name, value)
+    return table
+
+
+def track_facts(X):
+    unseen = np.isnan(X).mean()
+    return [
+        ("tracks", str(len(X))),
+        ("frames", str(X.shape[1] // 2)),
+        ("unseen", f"{unseen:.1%}"),
+    ]
+
+
+def stage_facts(segmenter):
+    return [
+        (f"seconds {stage}", f"{seconds:.3f}")
+        for stage, seconds in segmenter.stage_seconds_.items()
+    ]
+
+
+def with_progress(items, total, description, console):
+    """Pass items on under a progress bar, or, in a log file, a line every tenth."""
+    with reporting(description, console) as report:
+        for done, item in enumerate(items, start=1):
+            yield item
+            report(done, total)
+
+
+@contextmanager
+def reporting(description, console):
+    """A function of the number done and the total (or None), which shows them.
+
+    On a terminal it moves a bar; in a log file it prints a line every tenth.
+    """
+    if not console.is_terminal:
+        yield lambda done, total: _print_tenth(description, done, total, console)
+        return
+    with require("rich.progress", extra="cli").Progress(console=console) as bars:
+        bar = bars.add_task(description, total=None)
+        yield lambda done, total: bars.update(bar, completed=done, total=total)
+
+
+def _print_tenth(description, done, total, console):
+    if total and done * 10 // total > (done - 1) * 10 // total:
+        console.print(f"{description}: {done} of {total} done", highlight=False)

@@ -1,0 +1,296 @@
+"""``skmotionseg segment``: a track file or a video in, motions out."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+from sklearn.utils import Bunch
+
+from .._core.geometry.tracks import unpack_tracks
+from .._segmenter.report import pixels
+from .._utils.colours import motion_colour
+from .._utils.optional import require
+from .._utils.writing import check_folder_of, check_output, replacing
+from ..video._frames import is_video
+from .console import (
+    PICTURES,
+    count,
+    facts_table,
+    pyplot,
+    reporting,
+    save_figure,
+    stage_facts,
+    track_facts,
+)
+
+LABEL_ENDINGS = (".npz", ".csv")
+
+
+def add_segment(commands):
+    """Add the command to a parser's."""
+    segment = commands.add_parser(
+        "segment",
+        help="segment a track file or a video",
+        description="Segment the tracks of a .npz, .mat, .csv or .dat file, or track "
+        "and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames (.png, "
+        ".jpg).",
+    )
+    segment.add_argument("file", type=Path, metavar="INPUT")
+    segment.add_argument(
+        "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
+    )
+    segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
+    segment.add_argument("--jobs", type=int, default=-1, help="at a time (all)")
+    segment.add_argument(
+        "--out",
+        type=Path,
+        help="labels: .npz with the tracks, or .csv, for videos a row an observation",
+    )
+    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
+    segment.add_argument(
+        "--render",
+        type=Path,
+        help="picture of the motions: .png; for videos .mp4, or .png for some frames",
+    )
+    segment.add_argument(
+        "--report",
+        type=Path,
+        help="picture of the motions, the models that explain them and the costs of "
+        "their number: .png, ...",
+    )
+    videos = segment.add_argument_group("videos")
+    videos.add_argument(
+        "--grid", type=count, default=8, help="pixels between tracks (8)"
+    )
+    videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
+    videos.add_argument(
+        "--max-side", type=count, help="shrink larger frames to be tracked (never)"
+    )
+    segment.set_defaults(run=_segment)
+
+
+def _motions(text):
+    return text if text == "auto" else count(text)
+
+
+def _segment(arguments):
+    from ..export import save_motions
+    from ..segmentation import MotionSegmenter
+
+    video = is_video(arguments.file)
+    check_output(arguments.out, LABEL_ENDINGS)
+    check_folder_of(arguments.split_dir)
+    check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
+    check_output(arguments.report, PICTURES)
+    console = require("rich.console", extra="cli").Console()
+    read = _track_video if video else _load_tracks
+    sequence = read(arguments, console)
+    with console.status("segmenting ..."):
+        segmenter = MotionSegmenter(
+            arguments.motions, n_jobs=arguments.jobs, random_state=arguments.seed
+        ).fit(sequence.data)
+    labels = segmenter.labels_
+    if arguments.render is not None:
+        draw = _render_video if video else _draw_tracks
+        draw(arguments, sequence, labels, console)
+    if arguments.report is not None:
+        _draw_report(arguments, sequence, segmenter)
+    if arguments.out is not None:
+        _write_labels(arguments.out, sequence, labels)
+    _print_findings(console, arguments, sequence, segmenter)
+    if arguments.split_dir is not None:
+        files = save_motions(
+            arguments.split_dir, sequence.data, labels, track_ids=sequence.track_ids
+        )
+        console.print(f"motions: {len(files)} files in {arguments.split_dir}")
+
+
+def _load_tracks(arguments, console):
+    from ..datasets import load_tracks
+
+    sequence = load_tracks(arguments.file)
+    return Bunch(
+        **{"track_ids": np.arange(len(sequence.data)), **sequence, "video": {}}
+    )
+
+
+def _track_video(arguments, console):
+    """Tracks of a video as :func:`skmotionseg.datasets.load_tracks` gives a file's."""
+    # What OpenCV and FFmpeg print of a damaged video, the error says in one line.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from ..preprocessing import select_long_tracks
+    from ..video import track_video
+
+    started = time.perf_counter()
+    with reporting("tracking", console) as progress:
+        video = track_video(
+            arguments.file,
+            grid_spacing=arguments.grid,
+            max_frames=arguments.max_frames,
+            max_side=arguments.max_side,
+            progress=progress,
+        )
+    shortest = _shortest_track(video.n_frames)
+    kept = np.zeros(len(video.tracks), dtype=bool)
+    if len(kept):
+        kept = select_long_tracks(video.tracks, shortest)
+    if not kept.any():
+        raise ValueError(
+            f"no point of {arguments.file} could be followed for {shortest} frames: "
+            "there is too little texture"
+        )
+    return Bunch(
+        data=video.tracks[kept],
+        target=None,
+        name=arguments.file.stem,
+        track_ids=np.arange(kept.sum()),
+        video={
+            "width": video.width,
+            "height": video.height,
+            "fps": np.nan if video.fps is None else video.fps,
+        },
+        seconds={"tracking": time.perf_counter() - started},
+    )
+
+
+def _shortest_track(n_frames):
+    """Five frames; up to ten in longer clips, where short tracks say little."""
+    return int(np.clip(n_frames // 8, 5, 10))
+
+
+# --------------------------------------------------------------------------- printing
+
+
+def _print_findings(console, arguments, sequence, segmenter):
+    from ..metrics import misclassification_error
+
+    labels = segmenter.labels_
+    facts = [
+        *track_facts(sequence.data),
+        ("motions found", str(segmenter.n_motions_)),
+    ]
+    if sequence.target is not None and (sequence.target >= 0).any():
+        error = misclassification_error(sequence.target, labels)
+        facts.append(("misclassification", f"{error:.2%}"))
+    facts += stage_facts(segmenter)
+    for stage, seconds in sequence.get("seconds", {}).items():
+        facts.append((f"seconds {stage}", f"{seconds:.3f}"))
+    console.print(facts_table(arguments.file.name, facts))
+    report = segmenter.report(sequence.data)
+    console.print(_motion_table(report))
+    if len(report.counts) > 1:
+        console.print(_count_table(report))
+    files = {
+        "labels": arguments.out,
+        "picture": arguments.render,
+        "report": arguments.report,
+    }
+    for name, path in files.items():
+        if path is not None:
+            console.print(f"{name}: {path}", highlight=False)
+
+
+def _motion_table(report):
+    """A row a motion, and one for the tracks of none."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("motion", "tracks", "share", "frames", "colour"):
+        table.add_column(title, justify="right")
+    table.add_column("model")
+    table.add_column("residual", justify="right")
+    for motion in report.motions:
+        table.add_row(
+            str(motion.label),
+            str(motion.n_tracks),
+            f"{motion.share:.1%}",
+            f"{len(motion.frames)} of {report.n_frames}",
+            _colour(motion.label),
+            motion.model or "too few",
+            pixels(motion.residual),
+        )
+    if report.n_outliers:
+        share = f"{report.n_outliers / report.n_tracks:.1%}"
+        table.add_row("none", str(report.n_outliers), share, "", _colour(-1))
+    return table
+
+
+def _colour(motion):
+    colour = motion_colour(motion)
+    return f"[{colour}]●[/] {colour}"
+
+
+def _count_table(report):
+    """A row a number of motions: its costs, and why it was chosen or not."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("motions", *report.term_names, "total"):
+        table.add_column(title, justify="right")
+    table.add_column("")
+    for each in report.counts:
+        table.add_row(
+            str(each.n_motions),
+            *(f"{cost:.4f}" for cost in (*each.terms, each.total)),
+            each.verdict,
+            style="bold" if each.chosen else "",
+        )
+    return table
+
+
+# ---------------------------------------------------------------------------- writing
+
+
+def _write_labels(path, sequence, labels):
+    with replacing(path) as file:
+        if path.suffix.lower() == ".npz":
+            np.savez_compressed(
+                file,
+                X=sequence.data,
+                labels=labels,
+                track_ids=sequence.track_ids,
+                **sequence.video,
+            )
+        elif sequence.video:  # nobody else has these tracks
+            header, form = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
+            table = _observations(sequence, labels)
+            np.savetxt(file, table, fmt=form, header=header, comments="")
+        else:
+            table = np.column_stack([sequence.track_ids, labels])
+            np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
+
+
+def _observations(sequence, labels):
+    """Rows (track, frame, x, y, label), one for each time that a track is seen."""
+    points, visibility = unpack_tracks(sequence.data)
+    track, frame = np.nonzero(visibility)
+    names = sequence.track_ids[track]
+    return np.column_stack([names, frame, points[track, frame], labels[track]])
+
+
+def _draw_tracks(arguments, sequence, labels, console):
+    from ..plotting import plot_motions
+
+    plt = pyplot()
+    figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
+    plot_motions(sequence.data, labels, ax=ax)
+    save_figure(figure, arguments.render)
+
+
+def _draw_report(arguments, sequence, segmenter):
+    from ..plotting import ReportDisplay
+
+    pyplot()
+    display = ReportDisplay.from_estimator(segmenter, sequence.data)
+    save_figure(display.figure_, arguments.report)
+
+
+def _render_video(arguments, sequence, labels, console):
+    from ..video import render_segmentation
+
+    started = time.perf_counter()
+    with reporting("rendering", console) as progress:
+        render_segmentation(
+            arguments.file, sequence.data, labels, arguments.render, progress=progress
+        )
+    sequence.seconds["rendering"] = time.perf_counter() - started

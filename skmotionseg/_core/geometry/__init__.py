@@ -1,0 +1,1 @@
+"""Tracks, motion models and how well a model describes a group of tracks."""

@@ -1,0 +1,1 @@
+"""Affinities of tracks: made, sparsified, embedded, clustered and cut."""

@@ -1,0 +1,1 @@
+"""Tasks in threads, processes and clusters, with one native thread each."""

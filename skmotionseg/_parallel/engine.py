@@ -1,0 +1,63 @@
+"""Tasks in parallel, with whatever engine joblib is told to use."""
+
+from __future__ import annotations
+
+import sys
+
+from joblib import Parallel, delayed
+from joblib.parallel import get_active_backend
+
+
+def run_tasks(tasks, *, n_jobs=None, prefer=None):
+    """Run tasks with the engine that joblib is told to use.
+
+    Parameters
+    ----------
+    tasks : iterable of Task
+    n_jobs : int or None
+        Tasks at a time, as in joblib.
+    prefer : {"threads", "processes"} or None
+        The engine if ``joblib.parallel_config`` asks for no other.
+
+    Returns
+    -------
+    list
+        Their results, in order.
+
+    Raises
+    ------
+    Exception
+        What a task raised, or dask for a task that it gave up on, with a note that
+        says which it was.
+    """
+    parallel = Parallel(n_jobs=n_jobs, prefer=prefer, **_dask_options())
+    return parallel(delayed(task)() for task in tasks)
+
+
+def thread_map(n_jobs):
+    """A :func:`map` in so many threads, for large arrays and work that frees Python.
+
+    Threads whatever the engine: to send the arrays elsewhere would take longer.
+    """
+    parallel = Parallel(n_jobs=n_jobs, require="sharedmem")
+    return lambda function, items: parallel(delayed(function)(item) for item in items)
+
+
+def _dask_options():
+    """Options of joblib for dask clusters, if that is where tasks are to run."""
+    # Whoever asked for dask has had joblib import this; others need not.
+    joblib_dask = sys.modules.get("joblib._dask")
+    active, _ = get_active_backend()
+    if joblib_dask is None or not isinstance(
+        active, joblib_dask.DaskDistributedBackend
+    ):
+        return {}
+    from .dask import TaskBackend
+
+    backend = TaskBackend(
+        client=active.client,
+        wait_for_workers_timeout=active.wait_for_workers_timeout,
+        **active.submit_kwargs,
+    )
+    # A worker that dies takes along the tasks that it holds: one at a time is enough.
+    return {"backend": backend, "batch_size": 1, "pre_dispatch": "n_jobs"}

@@ -1,0 +1,1 @@
+"""What :class:`~skmotionseg.MotionSegmenter` is made of."""

@@ -1,0 +1,304 @@
+"""What a segmenter found, and why: a table of its motions and of their number."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._core.geometry.description_length import clip_geometry
+from .._core.geometry.model_choice import choose_model
+from .cost_terms import cost_terms, cost_tolerance
+
+
+@dataclass(frozen=True)
+class MotionRecord:
+    """One motion; the fields are those of :class:`SegmentationReport`."""
+
+    label: int
+    n_tracks: int
+    share: float
+    frames: tuple[int, ...]
+    model: str | None
+    residual: float
+    residual_90: float
+    description_lengths: dict[str, float]
+
+
+@dataclass(frozen=True)
+class CountRecord:
+    """One number of motions; the fields are those of :class:`SegmentationReport`."""
+
+    n_motions: int
+    terms: tuple[float, float]
+    total: float
+    chosen: bool
+    gainless_pair: tuple[int, int] | None
+    verdict: str
+
+
+@dataclass(frozen=True)
+class SegmentationReport:
+    """What a segmenter found, and why.
+
+    Made by :meth:`MotionSegmenter.report`; printed, it is a table.
+
+    Parameters
+    ----------
+    motions : tuple of records
+        For each motion: its ``label``; ``n_tracks``, and the ``share`` that they are of
+        all tracks; ``frames``, the numbers of those in which some of them are seen;
+        ``model``, the simplest that explains it: "affine", "homography" or
+        "fundamental", or None if no frame pair sees eight of its tracks;
+        ``residual`` and ``residual_90``, the median and the 90th percentile over its
+        tracks of their distance from this model, in pixels (NaN without one); and
+        ``description_lengths``, a dict of nats an observation by model, of which the
+        least decides.
+    counts : tuple of records
+        For each number of motions that was tried, ``n_motions``: the two ``terms`` of
+        its cost and their weighted sum, ``total``; whether it was ``chosen``;
+        ``gainless_pair``, the labels (in ``candidate_labels_``) of two motions that
+        gain too little from being apart, where it was passed over for that, or None;
+        and the ``verdict`` in words.
+    n_tracks : int
+    n_frames : int
+    n_outliers : int
+        Tracks labelled -1.
+    n_judged : int
+        Tracks that models and residuals are of: the landmarks.
+    term_names : (str, str)
+        What the two terms are.
+    weights : (float, float)
+        Of the two terms in the total.
+
+    Examples
+    --------
+    >>> from skmotionseg import MotionSegmenter
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, _ = make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
+    >>> segmenter = MotionSegmenter(max_motions=4, random_state=0).fit(X)
+    >>> report = segmenter.report(X)
+    >>> [motion.model for motion in report.motions]
+    ['fundamental', 'affine', 'fundamental']
+    >>> [count.verdict for count in report.counts if count.chosen]
+    ['chosen']
+    """
+
+    motions: tuple[MotionRecord, ...]
+    counts: tuple[CountRecord, ...]
+    n_tracks: int
+    n_frames: int
+    n_outliers: int
+    n_judged: int
+    term_names: tuple[str, str]
+    weights: tuple[float, float]
+
+    def __str__(self):
+        parts = [_summary(self), _motion_lines(self), _count_lines(self)]
+        return "\n\n".join(parts)
+
+    def _repr_html_(self):
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
+# ----------------------------------------------------------------------------- making
+
+
+def make_report(segmenter, points, visibility):
+    """The report of a fitted segmenter on the tracks that it was fitted to.
+
+    Parameters
+    ----------
+    segmenter : MotionSegmenter
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    SegmentationReport
+
+    Raises
+    ------
+    ValueError
+        If it was fitted to another number of tracks.
+    """
+    labels, landmarks = segmenter.labels_, segmenter.landmarks_
+    if len(points) != len(labels):
+        raise ValueError(
+            f"a report needs the {len(labels)} tracks that were fitted; got "
+            f"{len(points)}"
+        )
+    fitted = np.ix_(landmarks, segmenter._frames)
+    geometry = clip_geometry(points[fitted], visibility[fitted])
+    weights, term_names = cost_terms(segmenter)
+    return SegmentationReport(
+        motions=tuple(
+            _motion_record(label, labels, visibility, geometry, landmarks)
+            for label in range(segmenter.n_motions_)
+        ),
+        counts=tuple(_count_records(segmenter)),
+        n_tracks=len(labels),
+        n_frames=visibility.shape[1],
+        n_outliers=int((labels < 0).sum()),
+        n_judged=len(landmarks),
+        term_names=term_names,
+        weights=weights,
+    )
+
+
+def _motion_record(label, labels, visibility, geometry, landmarks):
+    members = labels == label
+    found = choose_model(geometry, np.flatnonzero(members[landmarks]))
+    residuals = found.residuals if len(found.residuals) else [np.nan]
+    return MotionRecord(
+        label=label,
+        n_tracks=int(members.sum()),
+        share=float(members.mean()),
+        frames=tuple(np.flatnonzero(visibility[members].any(axis=0)).tolist()),
+        model=found.model,
+        residual=float(np.median(residuals)),
+        residual_90=float(np.percentile(residuals, 90)),
+        description_lengths=found.lengths,
+    )
+
+
+def _count_records(segmenter):
+    counts, costs, best = segmenter.counts_, segmenter.costs_, segmenter.best_index_
+    tolerance = cost_tolerance(segmenter)
+    for position, (count, cost) in enumerate(zip(counts, costs, strict=True)):
+        pair = tuple(segmenter.gainless_pairs_[position].tolist())
+        pair = None if min(pair) < 0 else pair
+        rise = cost[2] - costs[best, 2]
+        verdict = _verdict(pair, rise, tolerance, count < counts[best])
+        if position == best:
+            verdict = _verdict_of_chosen(pair, len(counts))
+        yield CountRecord(
+            n_motions=int(count),
+            terms=(float(cost[0]), float(cost[1])),
+            total=float(cost[2]),
+            chosen=position == best,
+            gainless_pair=pair,
+            verdict=verdict,
+        )
+
+
+def _verdict(gainless_pair, rise, tolerance, is_fewer):
+    """Why a count was not taken."""
+    if gainless_pair is not None:
+        first, second = gainless_pair
+        return f"motions {first} and {second} gain too little"
+    if rise > tolerance:
+        return f"dearer by {rise:.2g}"
+    return f"as cheap, but {'fewer' if is_fewer else 'more'} motions"
+
+
+def _verdict_of_chosen(gainless_pair, n_counts):
+    if n_counts == 1:
+        return "chosen: no other was tried"
+    return "chosen" if gainless_pair is None else "chosen: the first, as none gains"
+
+
+def follow_pairs(pairs, before, after):
+    """Labels of two groups of each partition in partitions that came of them.
+
+    Parameters
+    ----------
+    pairs : ndarray of int, shape (n_partitions, 2), or None
+        Labels in ``before``; -1 stays. None is -1 throughout.
+    before, after : ndarray of int, shape (n_partitions, n)
+        Groups may have been renumbered, and have lost or won tracks.
+
+    Returns
+    -------
+    ndarray of int, shape (n_partitions, 2)
+        What most tracks of each group are labelled after.
+    """
+    followed = np.full((len(before), 2), -1)
+    if pairs is None:
+        return followed
+    for row, side in np.argwhere(pairs >= 0):
+        group = after[row][before[row] == pairs[row, side]]
+        followed[row, side] = np.bincount(group + 1).argmax() - 1
+    return np.sort(followed, axis=1)
+
+
+# --------------------------------------------------------------------------- printing
+
+
+def _summary(report):
+    n_motions = len(report.motions)
+    return (
+        f"{n_motions} motion{'' if n_motions == 1 else 's'} in {report.n_tracks} "
+        f"tracks, {report.n_outliers} of no motion, {report.n_frames} frames"
+    )
+
+
+def _motion_lines(report):
+    header = ("motion", "tracks", "share", "frames", "explained by", "residual", "90 %")
+    rows = [
+        (
+            str(motion.label),
+            str(motion.n_tracks),
+            f"{motion.share:.1%}",
+            f"{len(motion.frames)} of {report.n_frames}",
+            motion.model or "too few",
+            pixels(motion.residual),
+            pixels(motion.residual_90),
+        )
+        for motion in report.motions
+    ]
+    if report.n_outliers:
+        share = f"{report.n_outliers / report.n_tracks:.1%}"
+        rows.append(("none", str(report.n_outliers), share, "", "", "", ""))
+    lines = _table([header], rows, "rrrrlrr")
+    if report.n_judged < report.n_tracks:
+        lines += f"\nModels and residuals are those of {report.n_judged} landmarks."
+    return lines
+
+
+def pixels(residual):
+    """``0.52 px``, or a dash where there is none."""
+    return "-" if np.isnan(residual) else f"{residual:.2f} px"
+
+
+def _count_lines(report):
+    names = [name.rpartition(" ") for name in report.term_names]
+    header = [
+        ("", *(first for first, _, _ in names), "", ""),
+        ("motions", *(last for _, _, last in names), "total", ""),
+    ]
+    rows = [
+        (
+            str(count.n_motions),
+            *(f"{term:.4f}" for term in count.terms),
+            f"{count.total:.4f}",
+            count.verdict,
+        )
+        for count in report.counts
+    ]
+    return f"{_table(header, rows, 'rrrrl')}\n{_formula(report)}"
+
+
+def _formula(report):
+    (first, second), (name, other) = report.weights, report.term_names
+    first = "" if first == 1 else f"{first:g} x "
+    sign = "-" if second < 0 else "+"
+    second = "" if abs(second) == 1 else f"{abs(second):g} x "
+    return f"total = {first}{name} {sign} {second}{other}"
+
+
+def _table(header, rows, alignment):
+    """Lines of columns, two spaces apart; "l" or "r" for each."""
+    lines = [*header, *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    put = {"l": str.ljust, "r": str.rjust}
+    laid = [
+        "  ".join(
+            put[side](cell, width)
+            for cell, width, side in zip(line, widths, alignment, strict=True)
+        ).rstrip()
+        for line in lines
+    ]
+    rule = "-" * max(map(len, laid))
+    return "\n".join([*laid[: len(header)], rule, *laid[len(header) :]])

@@ -1,0 +1,1 @@
+"""Checked input, files written whole, optional imports, colours."""

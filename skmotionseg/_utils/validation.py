@@ -1,0 +1,188 @@
+"""Reading and checking input: the one place where tracks and models enter."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import numpy.typing as npt
+from joblib import wrap_non_picklable_objects
+from sklearn.utils.validation import check_memory, check_non_negative, validate_data
+
+from .._core.geometry.motion_models import (
+    MOTION_MODELS,
+    added_motion_models,
+    receive_motion_models,
+)
+from .._core.geometry.tracks import unpack_tracks
+from .._core.graph.spectral import FUSIONS
+
+
+class TracksInput:
+    """Mixin of the estimators whose rows are tracks.
+
+    All of them read their input through :meth:`_read_tracks` alone. They know motion
+    models by name, so a pickle of them brings along those that other processes may not
+    have registered.
+    """
+
+    def __getstate__(self):
+        state = super().__getstate__()
+        added = added_motion_models()
+        if added:  # with functions of scripts and notebooks, perhaps
+            added = wrap_non_picklable_objects(added, keep_wrapper=False)
+            state = {**state, "_added_motion_models": added}
+        return state
+
+    def __setstate__(self, state):
+        state = dict(state)
+        receive_motion_models(state.pop("_added_motion_models", {}))
+        super().__setstate__(state)
+
+    def _read_tracks(self, X, *, reset):
+        """Check tracks and unpack them.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+        reset : bool
+            Whether this is ``fit``, which sets ``n_features_in_``.
+
+        Returns
+        -------
+        points : ndarray of shape (n_tracks, n_frames, 2), float64
+        visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+        Raises
+        ------
+        TypeError, ValueError
+            If ``X`` is not a dense real matrix, has an odd number of columns or
+            fewer than four, or holds infinities.
+        """
+        if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
+            X = X.astype(float).filled(np.nan)  # masked is unseen
+        X = read_matrix(
+            self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
+        )
+        if X.shape[1] % 2 or X.shape[1] < 4:
+            raise ValueError(
+                "tracks need two columns a frame and at least two frames; "
+                f"got {X.shape[1]} columns"
+            )
+        return unpack_tracks(X)
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.allow_nan = True
+        return tags
+
+
+def as_memory(memory):
+    """A joblib.Memory, of one, a path or None, which remembers nothing."""
+    is_path = isinstance(memory, os.PathLike)
+    return check_memory(os.fspath(memory) if is_path else memory)
+
+
+def read_matrix(estimator, X, **checks):
+    """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
+
+    It looks for infinities in the sum of all numbers, and NumPy warns where there are
+    some of both signs; the error that is due is the same.
+    """
+    with np.errstate(invalid="ignore"):
+        return validate_data(estimator, X, **checks)
+
+
+def get_motion_model(name):
+    """The registered motion model of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    try:
+        return MOTION_MODELS[name]
+    except (KeyError, TypeError):
+        raise ValueError(
+            f"unknown motion model {name!r}; expected one of {sorted(MOTION_MODELS)}"
+        ) from None
+
+
+def get_fusion(name):
+    """The fusion of that name.
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    if name not in FUSIONS:
+        raise ValueError(f"unknown fusion {name!r}; expected one of {sorted(FUSIONS)}")
+    return FUSIONS[name]
+
+
+def read_affinities(estimator, X):
+    """Check stacked affinities for ``fit`` and split them into views.
+
+    Parameters
+    ----------
+    estimator : estimator
+        Whose ``n_features_in_`` is set.
+    X : array-like of shape (n, n_views * n)
+        Symmetric, non-negative affinities side by side.
+
+    Returns
+    -------
+    ndarray of shape (n_views, n, n), float64
+
+    Raises
+    ------
+    ValueError
+        If ``X`` is not made of square, symmetric, non-negative, finite blocks.
+    """
+    X = read_matrix(estimator, X, dtype=np.float64)
+    check_non_negative(X, type(estimator).__name__)
+    n, width = X.shape
+    if width % n:
+        raise ValueError(
+            "stacked affinities need shape (n, n_views * n), square blocks side by "
+            f"side; got {X.shape}"
+        )
+    views = np.ascontiguousarray(X.reshape(n, -1, n).swapaxes(0, 1))
+    for v, view in enumerate(views):
+        asymmetry = np.abs(view - view.T).max()
+        if asymmetry > 1e-5 * view.max():
+            raise ValueError(
+                f"affinities need to be symmetric; entries of view {v} differ from "
+                f"their transposes by up to {asymmetry:.3g}"
+            )
+    return views
+
+
+def split_views(X, n_views):
+    """Stacked rows (m, n_views * n) as views (n_views, m, n)."""
+    return X.reshape(len(X), n_views, -1).swapaxes(0, 1)
+
+
+def check_n_groups(name, count, graph):
+    """Raise if a number of groups exceeds the tracks that can be grouped."""
+    if count > len(graph.connected):
+        raise ValueError(
+            f"{name}={count} is more than the {len(graph.connected)} tracks that have "
+            f"an affinity to another (n_samples={graph.n_samples})"
+        )
+
+
+def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
+    """Labels as an array of integers, if there is one a track."""
+    labels = np.asarray(labels)
+    if labels.shape != (n_tracks,):
+        raise ValueError(
+            f"{n_tracks} tracks need a label each; got shape {labels.shape}"
+        )
+    if not labels.size:
+        return labels.astype(int)  # an empty list has no integers
+    if labels.dtype.kind not in "iu":
+        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
+    return labels

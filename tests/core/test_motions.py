@@ -1,0 +1,68 @@
+"""Motions are fitted to those of their tracks that they explain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skmotionseg._core.geometry.description_length import clip_geometry
+from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._core.partition.motions import explained, fit_motions, usual
+from skmotionseg.datasets import make_rigid_motions
+
+
+def scene_with(outliers, seed=0, n_frames=12, **scene):
+    X, y = make_rigid_motions(
+        240, n_frames, outliers=outliers, random_state=seed, **scene
+    )
+    return X, y, unpack_tracks(X)
+
+
+def linked(y, within=1.0, across=0.02):
+    """An affinity that knows the motions; rubbish is linked to all alike."""
+    affinity = np.where(y[:, None] == y, within, across)
+    affinity[y < 0] = affinity[:, y < 0] = 0.2
+    return affinity
+
+
+@pytest.mark.parametrize("shapes", ["general", "planar"])
+def test_a_motion_stays_what_it_is_among_two_fifths_of_rubbish(shapes):
+    _, y, tracks = scene_with(0.3, n_frames=20, shapes=shapes, n_motions=1)
+    motions = fit_motions(clip_geometry(*tracks), np.zeros_like(y), linked(y))
+    (distances,) = motions.distances(*tracks)
+    pixels = distances * motions.frames.scale
+    # Half a pixel of noise in each coordinate; rubbish takes steps of ten pixels.
+    assert np.nanmedian(pixels[y == 0]) < 0.6
+    assert np.nanmedian(pixels[y < 0]) > 5
+    (inside,) = explained(motions, distances[None])
+    assert inside[y == 0].all()
+    assert inside[y < 0].mean() < 0.1
+
+
+def test_distances_are_medians_over_the_pairs_that_see_a_track():
+    _, y, (points, visibility) = scene_with(0, n_motions=1, missing=0)
+    motions = fit_motions(clip_geometry(points, visibility), y, linked(y))
+    (distances,) = motions.distances(points, visibility)
+    assert np.isfinite(distances).all()
+    torn = points.copy()
+    torn[0, 0] += 500  # one of twelve frames is wrong
+    (others,) = motions.distances(torn, visibility)
+    assert others[0] < 5 * distances[0] + 0.01
+    unseen = visibility.copy()
+    unseen[0, 1:] = False
+    assert np.isnan(motions.distances(points, unseen)[0, 0])
+
+
+def test_a_motion_of_seven_tracks_judges_none():
+    _, y, tracks = scene_with(0, n_motions=1)
+    few = np.where(np.arange(len(y)) < 7, 0, -1)
+    motions = fit_motions(clip_geometry(*tracks), few, linked(y))
+    distances = motions.distances(*tracks)
+    assert np.isnan(distances).all()
+    assert explained(motions, distances).all()
+
+
+def test_unusual_noise_is_against_that_of_the_median_track():
+    noise = np.array([0.01, 0.012, 0.05])
+    assert usual(noise, np.array([0] * 5 + [1] * 3 + [2] * 3)).tolist() == [1, 1, 0]
+    assert usual(noise, np.array([2, 2, 2, 0, -1])).all()

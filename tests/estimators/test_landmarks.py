@@ -1,0 +1,122 @@
+"""Some tracks are fitted, and the others are placed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from skmotionseg import MotionSegmenter
+from skmotionseg._segmenter.memory import number_of_landmarks
+from skmotionseg._segmenter.views import PAIRS_TO_PLACE
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """1,500 tracks: a background and two motions."""
+    return make_rigid_motions(1500, 8, 3, missing=0.1, random_state=0)
+
+
+@pytest.fixture(scope="module")
+def fitted(scene):
+    return MotionSegmenter(3, n_landmarks=300, n_hypotheses=200, random_state=0).fit(
+        scene[0]
+    )
+
+
+def test_a_small_motion_in_a_dense_scene_is_found():
+    X, y = make_rigid_motions(6000, 10, 2, missing=0, random_state=0)
+    small = np.r_[np.flatnonzero(y == 0)[:2940], np.flatnonzero(y == 1)[:60]]
+    labels = MotionSegmenter(2, random_state=0).fit_predict(X[small])
+    assert misclassification_error(y[small], labels) < 0.002
+
+
+def test_all_tracks_are_fitted_where_that_is_asked_for():
+    assert number_of_landmarks(None, np.ones((2000, 3), dtype=bool), 3) == 2000
+
+
+def test_of_a_long_clip_every_so_many_frame_pairs_place_the_others():
+    """Of 48 frame pairs, every fourth."""
+    X, y = make_rigid_motions(160, 49, 2, missing=0.1, random_state=0)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X[:80])
+    for _, kernel in segmenter.branches_.values():
+        assert_array_equal(kernel._spread_pairs(PAIRS_TO_PLACE), range(0, 48, 4))
+    assert misclassification_error(y[80:], segmenter.predict(X[80:])) < 0.05
+
+
+@pytest.mark.parametrize("name", ["n_landmarks", "batch_size"])
+@pytest.mark.parametrize("value", [0, -1, 1501, 2.5, "all"])
+def test_bad_numbers_are_errors(scene, name, value):
+    segmenter = MotionSegmenter(**{name: value})
+    with pytest.raises(ValueError, match=rf"{name}.*{value}"):
+        segmenter.fit(scene[0])
+
+
+def test_landmarks_that_share_no_frame_are_named_in_the_error():
+    """Ten tracks in each two frames of a long video: fewer are too few."""
+    points = np.full((4000, 801, 2), np.nan)
+    for pair in range(400):
+        place = np.random.default_rng(pair).uniform(0, 500, size=(10, 1, 2))
+        points[10 * pair : 10 * pair + 10, 2 * pair : 2 * pair + 2] = place
+    segmenter = MotionSegmenter(2, models="fundamental", n_landmarks=20, random_state=0)
+    with pytest.raises(ValueError, match="needs 8 tracks") as caught:
+        segmenter.fit(points.reshape(4000, -1))
+    assert "looking at 600 tracks of 4000; n_landmarks" in "".join(
+        caught.value.__notes__
+    )
+
+
+# ------------------------------------------------------------------------- the placing
+
+
+def test_tracks_that_are_not_fitted_are_placed(scene, fitted):
+    X, y = scene
+    assert len(fitted.landmarks_) == 300
+    assert fitted.labels_.shape == y.shape
+    assert misclassification_error(y, fitted.labels_) < 0.02
+    assert fitted.candidate_labels_.shape == (1, len(X))
+
+
+def test_the_largest_motion_comes_first(fitted):
+    assert (np.diff(np.bincount(fitted.labels_)) <= 0).all()
+
+
+def test_tracks_are_placed_by_predict_where_fit_put_them(scene, fitted):
+    X, _ = scene
+    others = np.setdiff1d(np.arange(len(X)), fitted.landmarks_)
+    assert_array_equal(fitted.predict(X[others]), fitted.labels_[others])
+
+
+@pytest.mark.parametrize("batch_size", [1, 63, 64, 1000])
+def test_labels_do_not_depend_on_the_batch(scene, fitted, batch_size):
+    few = MotionSegmenter(**{**fitted.get_params(), "batch_size": batch_size})
+    X = scene[0] if batch_size > 1 else scene[0][:330]
+    expected = (
+        fitted if batch_size > 1 else MotionSegmenter(**fitted.get_params()).fit(X)
+    )
+    assert_array_equal(few.fit(X).labels_, expected.labels_)
+
+
+@pytest.mark.parametrize("n_jobs", [2, -1])
+def test_labels_do_not_depend_on_the_jobs(scene, fitted, n_jobs):
+    many = MotionSegmenter(**{**fitted.get_params(), "n_jobs": n_jobs})
+    assert_array_equal(many.fit(scene[0]).labels_, fitted.labels_)
+
+
+def test_all_tracks_as_landmarks_are_the_exact_fit(scene):
+    X = scene[0][:200]
+    exact, all_of_them = (
+        MotionSegmenter(3, n_landmarks=n, n_hypotheses=100, random_state=0).fit(X)
+        for n in (None, 200)
+    )
+    assert_array_equal(exact.labels_, all_of_them.labels_)
+    assert_array_equal(exact.landmarks_, np.arange(200))
+
+
+def test_a_track_seen_once_is_placed_nowhere(scene):
+    X = scene[0].copy()
+    X[7, 2:] = np.nan
+    segmenter = MotionSegmenter(3, n_landmarks=300, n_hypotheses=100, random_state=0)
+    assert segmenter.fit(X).labels_[7] == -1

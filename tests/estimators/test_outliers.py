@@ -1,0 +1,116 @@
+"""Outliers get the label -1, and nothing else does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skmotionseg import MotionSegmenter, make_motion_pipeline, pack_tracks
+from skmotionseg._core.geometry.description_length import clip_geometry
+from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._core.partition.cost import Judge
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+QUICK = {"n_hypotheses": 150, "max_motions": 5}
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("outliers", [0.05, 0.1, 0.2, 0.3])
+def test_outliers_are_found_with_and_without_the_number_of_motions(outliers, known):
+    hit = rejected = rubbish = 0
+    for seed in range(2):
+        X, y = make_rigid_motions(300, 20, 3, outliers=outliers, random_state=seed)
+        segmenter = MotionSegmenter(
+            3 if known else "auto", random_state=seed, **QUICK
+        ).fit(X)
+        outside = segmenter.labels_ < 0
+        hit += (outside & (y < 0)).sum()
+        rejected += outside.sum()
+        rubbish += (y < 0).sum()
+    assert hit >= 0.9 * rejected
+    assert hit >= 0.9 * rubbish
+
+
+def test_clean_tracks_are_kept_and_rejection_can_be_turned_off():
+    X, _ = make_rigid_motions(200, 10, random_state=0)
+    outside = MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0
+    assert outside.mean() <= 0.01
+    X, _ = make_rigid_motions(200, 10, outliers=0.1, random_state=0)
+    assert (MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0).any()
+    keep = MotionSegmenter(3, reject_outliers=False, random_state=0, **QUICK)
+    assert (keep.fit(X).labels_ >= 0).all()
+
+
+def test_new_rubbish_is_rejected_and_new_tracks_are_placed():
+    X, y = make_rigid_motions(300, 10, outliers=0.1, random_state=1)
+    fitted = np.arange(300) % 3 > 0
+    segmenter = MotionSegmenter(3, random_state=0, **QUICK).fit(X[fitted])
+    labels = segmenter.predict(X[~fitted])
+    rubbish = y[~fitted] < 0
+    assert (labels[rubbish] < 0).mean() > 0.8
+    assert misclassification_error(y[~fitted], labels) < 0.05
+
+
+def test_landmarks_reject_as_all_tracks_do():
+    X, y = make_rigid_motions(400, 10, outliers=0.1, random_state=2)
+    segmenter = MotionSegmenter(3, n_landmarks=200, random_state=0, **QUICK).fit(X)
+    rubbish = y < 0
+    assert (segmenter.labels_[rubbish] < 0).mean() > 0.8
+    assert misclassification_error(y, segmenter.labels_) < 0.03
+    sizes = np.bincount(segmenter.labels_[segmenter.labels_ >= 0])
+    assert (np.diff(sizes) <= 0).all()  # the largest first
+    np.testing.assert_array_equal(
+        segmenter.labels_, segmenter.candidate_labels_[list(segmenter.counts_).index(3)]
+    )
+
+
+def test_a_motion_that_was_not_found_is_not_rubbish():
+    X, y = make_rigid_motions(240, 10, 2, random_state=0)
+    labels = MotionSegmenter(1, random_state=0, **QUICK).fit(X).labels_
+    assert (labels[y == 1] >= 0).mean() > 0.9
+
+
+def test_probabilities_are_shares_and_none_for_outliers():
+    X, _ = make_rigid_motions(300, 8, 3, outliers=0.1, random_state=0)
+    segmenter = MotionSegmenter(3, random_state=0, **QUICK).fit(X)
+    probabilities = segmenter.probabilities_
+    assert ((probabilities >= 0) & (probabilities <= 1)).all()
+    assert (segmenter.labels_ < 0).any()
+    np.testing.assert_array_equal(probabilities == 0, segmenter.labels_ < 0)
+
+
+def test_the_paper_keeps_all_tracks():
+    X, _ = make_rigid_motions(150, 8, outliers=0.2, random_state=0)
+    paper = MotionSegmenter(3, selection="ncre", random_state=0, **QUICK).fit(X)
+    assert (paper.labels_ >= 0).all()
+    pipeline = make_motion_pipeline(n_clusters=3, n_hypotheses=50, random_state=0)
+    assert (pipeline.fit_predict(X) >= 0).all()
+
+
+def test_a_still_camera_and_copies_have_no_outliers():
+    rng = np.random.default_rng(0)
+    points = np.repeat(rng.uniform(0, 500, (40, 1, 2)), 6, axis=1)
+    still = pack_tracks(points)
+    assert (MotionSegmenter(random_state=0, **QUICK).fit(still).labels_ >= 0).all()
+    judge = Judge(clip_geometry(*unpack_tracks(still)), np.ones((1, 40, 40)))
+    assert np.isfinite(judge.cost(np.arange(40) % 2).total)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("shapes", "camera"),
+    [("planar", "general"), ("general", "rotation"), ("general", "general")],
+)
+def test_one_motion_is_found_in_nearly_all_scenes(shapes, camera):
+    found = [
+        MotionSegmenter(random_state=seed)
+        .fit(
+            make_rigid_motions(
+                200, 15, 1, shapes=shapes, camera=camera, random_state=seed
+            )[0]
+        )
+        .n_motions_
+        for seed in range(100)
+    ]
+    assert found.count(1) >= 95

@@ -1,0 +1,343 @@
+"""Which model explains a motion, and what a segmenter says of itself."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skmotionseg import MotionSegmenter, pack_tracks
+from skmotionseg._core.geometry.description_length import (
+    clip_geometry,
+    description_length,
+)
+from skmotionseg._core.geometry.epipolar import cheapest_rank_two
+from skmotionseg._core.geometry.model_choice import (
+    EXPLAINING_MODELS,
+    choose_model,
+    robust_errors,
+)
+from skmotionseg._core.geometry.motion_models import MOTION_MODELS
+from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._segmenter.report import follow_pairs
+from skmotionseg.datasets import make_rigid_motions
+
+MODELS = [name for name, *_ in EXPLAINING_MODELS]
+SELECTIONS = ["description_length", "ncre", "eigengap", "self_tuning"]
+
+
+def explanation(**scene):
+    """What explains the only motion of a scene, and what its noise is."""
+    X, _ = make_rigid_motions(n_frames=8, n_motions=1, **scene)
+    return choose_model(clip_geometry(*unpack_tracks(X)), np.arange(len(X)))
+
+
+def affine_tracks(noise, n_tracks=60, n_frames=6, seed=0):
+    """Points of which each frame is an affine map of the first, in pixels."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(0, 500, size=(n_tracks, 2))
+    shears = np.eye(2) + 0.05 * rng.standard_normal((n_frames, 2, 2))
+    shifts = 20 * rng.standard_normal((n_frames, 1, 2))
+    moved = (points @ shears + shifts).swapaxes(0, 1)
+    return moved + noise * rng.standard_normal(moved.shape)
+
+
+def seen_everywhere(points):
+    return clip_geometry(points, np.ones(points.shape[:2], dtype=bool))
+
+
+# ------------------------------------------------------------------- explaining models
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("noise", [0.1, 0.5])
+@pytest.mark.parametrize(
+    ("shapes", "camera", "model"),
+    [
+        ("general", "general", "fundamental"),
+        ("planar", "general", "homography"),
+        ("general", "rotation", "homography"),
+        ("general", "still", "affine"),
+    ],
+)
+def test_the_background_is_explained_by_what_moves_it(
+    shapes, camera, model, noise, seed
+):
+    found = explanation(
+        n_tracks=150, shapes=shapes, camera=camera, noise=noise, random_state=seed
+    )
+    assert found.model == model
+    assert min(found.lengths, key=found.lengths.get) == model
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_planar_objects_are_explained_by_a_point_map(seed):
+    X, y = make_rigid_motions(shapes="planar", n_frames=8, random_state=seed)
+    geometry = clip_geometry(*unpack_tracks(X))
+    for motion in (1, 2):
+        found = choose_model(geometry, np.flatnonzero(y == motion))
+        assert found.model in ("affine", "homography")
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.5])
+def test_affine_tracks_are_explained_by_an_affine_map(noise):
+    found = choose_model(seen_everywhere(affine_tracks(noise)), np.arange(60))
+    assert found.model == "affine"
+    # Two coordinates of noise: a Rayleigh distance, whose median is 1.18.
+    assert np.median(found.residuals) == pytest.approx(1.18 * noise, rel=0.15)
+
+
+def test_residuals_are_pixels():
+    found = explanation(n_tracks=200, noise=0.5, random_state=0)
+    # One coordinate of noise: the median of its size is 0.67.
+    assert np.median(found.residuals) == pytest.approx(0.67 * 0.5, rel=0.15)
+    X, _ = make_rigid_motions(200, 8, 1, noise=0.5, random_state=0)
+    larger = choose_model(clip_geometry(*unpack_tracks(10 * X + 3000)), np.arange(200))
+    assert larger.model == found.model
+    assert_allclose(larger.residuals, 10 * found.residuals, rtol=1e-5)
+
+
+def test_the_length_by_a_fundamental_matrix_is_the_description_length():
+    X, _ = make_rigid_motions(80, 8, 1, missing=0, random_state=0)
+    geometry, members = clip_geometry(*unpack_tracks(X)), np.arange(80)
+    geometry = replace(geometry, log_range=geometry.log_range + 2)  # they move far
+    length = description_length(geometry, members, cheapest_rank_two).total
+    found = choose_model(geometry, members)
+    assert found.lengths["fundamental"] * geometry.n_observations == pytest.approx(
+        length
+    )
+
+
+@pytest.mark.parametrize("name", ["affine", "homography"])
+def test_errors_of_exact_maps_are_zero_and_others_stand_out(name):
+    rng = np.random.default_rng(0)
+    x = rng.uniform(-1, 1, size=(3, 40, 2))
+    maps = np.eye(3) + 0.1 * rng.standard_normal((3, 3, 3))
+    if name == "affine":
+        maps[:, 2] = 0, 0, 1
+    y = np.dstack([x, np.ones((3, 40))]) @ maps.swapaxes(1, 2)
+    y = y[..., :2] / y[..., 2:]
+    seen = rng.random((3, 40)) < 0.8
+    y[:, :2] += 0.3  # two of forty
+    errors = robust_errors(name, x, y, seen)
+    inside = seen.copy()
+    inside[:, :2] = False
+    assert np.sqrt(errors[inside]).max() < 1e-3
+    assert np.sqrt(errors[seen & ~inside]).min() > 0.1
+
+
+@pytest.mark.parametrize("name", ["affine", "homography"])
+def test_a_robust_map_of_clean_tracks_is_as_good_as_the_true_one(name):
+    points = affine_tracks(0.3, n_frames=2, n_tracks=400)
+    x, y = points[:, 0], points[:, 1]
+    errors = robust_errors(name, x[None], y[None], np.ones((1, 400), dtype=bool))
+    clean = affine_tracks(0, n_frames=2, n_tracks=400)
+    start, end = (
+        np.column_stack([side, np.ones(400)]) for side in clean.swapaxes(0, 1)
+    )
+    true = np.linalg.lstsq(start, end, rcond=None)[0].T
+    expected = MOTION_MODELS["affine"].residuals(true[None], x, y)
+    assert 0.95 < errors.sum() / expected.sum() < 1
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_pairs_that_see_fewer_than_eight_have_no_model(name):
+    points = affine_tracks(0.1, n_tracks=20, n_frames=3)
+    seen = np.ones((2, 20), dtype=bool)
+    seen[1, 7:] = False
+    x = np.stack([points[:, 0]] * 2)
+    errors = robust_errors(name, x, x + 1, seen)
+    assert np.isfinite(errors[0]).all()
+    assert np.isinf(errors[1]).all()
+    assert np.isinf(robust_errors(name, x[1:], x[1:], seen[1:])).all()
+
+
+def test_too_few_tracks_have_no_model():
+    found = choose_model(seen_everywhere(affine_tracks(0.1)), np.arange(7))
+    assert found.model is None
+    assert found.lengths == {}
+    assert len(found.residuals) == 0
+    assert choose_model(seen_everywhere(affine_tracks(0.1)), np.arange(0)).model is None
+
+
+@pytest.mark.parametrize("spread", [(0, 0), (500, 0), (500, 500)])
+def test_tracks_in_a_spot_on_a_line_or_at_rest_are_explained_by_the_simplest(spread):
+    start = np.random.default_rng(0).uniform(size=(30, 1, 2)) * spread + 100
+    for points in (np.repeat(start, 5, axis=1), start + np.arange(5)[:, None]):
+        found = choose_model(seen_everywhere(points), np.arange(30))
+        assert found.model == "affine"
+        assert_allclose(found.residuals, 0, atol=1e-6)
+
+
+# ----------------------------------------------------------------------------- reports
+
+
+@pytest.fixture(scope="module", params=SELECTIONS)
+def reported(request):
+    """A segmenter, its tracks, one of them of no motion, and its report."""
+    X, _ = make_rigid_motions(140, 8, random_state=0)
+    X[5, 2:] = np.nan  # seen in a single frame
+    segmenter = MotionSegmenter(
+        selection=request.param, n_hypotheses=100, max_motions=4, random_state=0
+    ).fit(X)
+    return segmenter, X, segmenter.report(X)
+
+
+def test_a_report_counts_every_track(reported):
+    segmenter, X, report = reported
+    labels = segmenter.labels_
+    assert [motion.label for motion in report.motions] == [*range(segmenter.n_motions_)]
+    for motion in report.motions:
+        members = labels == motion.label
+        assert motion.n_tracks == members.sum()
+        assert motion.share == members.mean()
+        seen = np.isfinite(X[members, ::2]).any(axis=0)
+        assert_array_equal(motion.frames, np.flatnonzero(seen))
+    n_inside = sum(motion.n_tracks for motion in report.motions)
+    assert report.n_outliers == (labels < 0).sum() == 140 - n_inside > 0
+    assert (report.n_tracks, report.n_frames, report.n_judged) == (140, 8, 140)
+
+
+def test_a_report_says_what_explains_each_motion(reported):
+    segmenter, X, report = reported
+    geometry = clip_geometry(*unpack_tracks(X))
+    for motion in report.motions:
+        found = choose_model(
+            geometry, np.flatnonzero(segmenter.labels_ == motion.label)
+        )
+        assert motion.model == found.model
+        assert motion.description_lengths == found.lengths
+        assert motion.residual == np.median(found.residuals)
+        assert motion.residual_90 == np.percentile(found.residuals, 90)
+
+
+def test_a_report_has_the_costs_of_every_count(reported):
+    segmenter, _, report = reported
+    assert_array_equal([each.n_motions for each in report.counts], segmenter.counts_)
+    costs = [[*each.terms, each.total] for each in report.counts]
+    assert_array_equal(costs, segmenter.costs_)
+    for each in report.counts:
+        assert each.total == pytest.approx(np.dot(report.weights, each.terms))
+    (chosen,) = (each for each in report.counts if each.chosen)
+    assert chosen.n_motions == segmenter.n_motions_
+    assert chosen.verdict == "chosen"
+    assert chosen is report.counts[segmenter.best_index_]
+    for each in report.counts:
+        if each.total > chosen.total + 2e-3:
+            assert each.verdict == f"dearer by {each.total - chosen.total:.2g}"
+
+
+def test_a_printed_report_fits_a_terminal_and_holds_it_all(reported):
+    _, _, report = reported
+    lines = str(report).splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0].endswith(f"{report.n_outliers} of no motion, 8 frames")
+    for motion in report.motions:
+        (line,) = (line for line in lines if line.split()[:1] == [str(motion.label)]
+                   and "px" in line)  # fmt: skip
+        assert f" {motion.n_tracks} " in line
+        assert f" {motion.model} " in line
+        assert f"{motion.residual:.2f} px" in line
+        assert line.endswith(f"{motion.residual_90:.2f} px")
+    for each in report.counts:
+        row = [str(each.n_motions), f"{each.terms[0]:.4f}", f"{each.terms[1]:.4f}"]
+        (line,) = (line for line in lines if line.split()[:3] == row)
+        assert line.endswith(f"{each.total:.4f}  {each.verdict}")
+    assert all(part in lines[-1] for part in ("total = ", *report.term_names))
+    assert "of no motion" in report._repr_html_()
+
+
+def test_a_count_is_passed_over_for_the_motions_that_gain_too_little(reported):
+    segmenter, X, _ = reported
+    passed = pickle.loads(pickle.dumps(segmenter))
+    passed.gainless_pairs_ = np.full((len(passed.counts_), 2), -1)
+    passed.gainless_pairs_[-1] = 1, 3
+    last = passed.report(X).counts[-1]
+    assert last.gainless_pair == (1, 3)
+    assert last.verdict == "motions 1 and 3 gain too little"
+    passed.best_index_ = len(passed.counts_) - 1
+    assert passed.report(X).counts[-1].verdict == "chosen: the first, as none gains"
+
+
+def test_counts_that_are_as_cheap_are_told_from_dearer_ones(reported):
+    segmenter, X, _ = reported
+    equal = pickle.loads(pickle.dumps(segmenter))
+    equal.gainless_pairs_[:] = -1
+    equal.costs_[:] = equal.costs_[0]
+    equal.best_index_ = 1
+    verdicts = [each.verdict for each in equal.report(X).counts]
+    assert verdicts[0] == "as cheap, but fewer motions"
+    assert set(verdicts[2:]) == {"as cheap, but more motions"}
+
+
+def test_a_search_says_which_counts_it_passed_over(monkeypatch):
+    """Where motions must gain more than they can, one motion is the answer."""
+    monkeypatch.setattr("skmotionseg._core.partition.cost.GAIN_OF_CUT", 1e9)
+    X, _ = make_rigid_motions(140, 8, random_state=0)
+    segmenter = MotionSegmenter(n_hypotheses=100, max_motions=4, random_state=0).fit(X)
+    report = segmenter.report(X)
+    assert report.counts[0].chosen
+    cheaper = segmenter.costs_[:, 2] < segmenter.costs_[0, 2]
+    assert cheaper.any()
+    for each, is_cheaper in zip(report.counts, cheaper, strict=True):
+        assert (each.gainless_pair is not None) == is_cheaper
+        if is_cheaper:
+            first, second = each.gainless_pair
+            assert 0 <= first < second < each.n_motions
+            assert each.verdict == f"motions {first} and {second} gain too little"
+
+
+def test_pairs_follow_their_groups():
+    before = np.array([[0, 0, 0, 1, 1, 2], [0, 0, 0, 1, 1, 2]])
+    after = np.array([[1, 1, -1, 0, 0, 2], [0, 0, 0, -1, -1, 1]])
+    pairs = np.array([[0, 2], [-1, -1]])
+    assert_array_equal(follow_pairs(pairs, before, after), [[1, 2], [-1, -1]])
+    assert_array_equal(follow_pairs(None, before, after), np.full((2, 2), -1))
+
+
+def test_a_single_count_was_the_only_one_tried():
+    X, _ = make_rigid_motions(60, 6, 2, random_state=0)
+    report = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X).report(X)
+    (only,) = report.counts
+    assert only.verdict == "chosen: no other was tried"
+
+
+def test_models_are_those_of_the_landmarks():
+    X, _ = make_rigid_motions(140, 8, random_state=0)
+    segmenter = MotionSegmenter(
+        3, n_hypotheses=100, n_landmarks=70, random_state=0
+    ).fit(X)
+    report = segmenter.report(X)
+    assert (report.n_tracks, report.n_judged) == (140, 70)
+    assert sum(motion.n_tracks for motion in report.motions) + report.n_outliers == 140
+    assert "those of 70 landmarks" in str(report)
+    rows = segmenter.landmarks_
+    geometry = clip_geometry(*unpack_tracks(X[rows]))
+    found = choose_model(geometry, np.flatnonzero(segmenter.labels_[rows] == 0))
+    assert report.motions[0].residual == np.median(found.residuals)
+
+
+def test_a_motion_too_small_for_a_model_is_reported():
+    far = affine_tracks(0.1, n_tracks=5, seed=1) + 1000
+    X = pack_tracks(np.concatenate([affine_tracks(0.1), far]))
+    segmenter = MotionSegmenter(1, n_hypotheses=50, random_state=0).fit(X)
+    segmenter.labels_ = np.repeat([0, 1], [60, 5])
+    segmenter.n_motions_ = 2
+    report = segmenter.report(X)
+    small = report.motions[1]
+    assert small.model is None
+    assert np.isnan([small.residual, small.residual_90]).all()
+    assert " too few " in str(report)
+
+
+def test_a_report_needs_the_tracks_that_were_fitted(reported):
+    segmenter, X, _ = reported
+    with pytest.raises(ValueError, match="140 tracks that were fitted; got 9"):
+        segmenter.report(X[:9])
+    with pytest.raises(ValueError, match="features"):
+        segmenter.report(X[:, :-2])
+    with pytest.raises(ValueError, match="not fitted"):
+        MotionSegmenter().report(X)

@@ -1,0 +1,76 @@
+"""What MotionSegmenter chooses, and what it keeps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skmotionseg import MotionSegmenter
+from skmotionseg._core.partition.cost import CUT_WEIGHT
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+
+@pytest.mark.parametrize(
+    "selection", ["description_length", "ncre", "eigengap", "self_tuning"]
+)
+def test_the_labels_are_those_of_the_chosen_count(scene, selection):
+    segmenter = MotionSegmenter(
+        selection=selection, max_motions=4, n_hypotheses=200, random_state=0
+    ).fit(scene[0])
+    chosen = list(segmenter.counts_).index(segmenter.n_motions_)
+    candidates = segmenter.candidate_labels_
+    np.testing.assert_array_equal(segmenter.labels_, candidates[chosen])
+    np.testing.assert_array_equal(candidates.max(axis=1) + 1, segmenter.counts_)
+
+
+def test_ncre_chooses_the_cheapest_count(scene):
+    segmenter = MotionSegmenter(selection="ncre", n_hypotheses=200, random_state=0)
+    segmenter.fit(scene[0])
+    cheapest = segmenter.costs_[:, 2].argmin()
+    assert segmenter.n_motions_ == segmenter.counts_[cheapest]
+
+
+def test_total_is_length_plus_the_weighted_cut(scene):
+    segmenter = MotionSegmenter(max_motions=3, n_hypotheses=100, random_state=0)
+    costs = segmenter.fit(scene[0]).costs_
+    np.testing.assert_allclose(costs[:, 2], CUT_WEIGHT * costs[:, 0] + costs[:, 1])
+    assert costs[0, 0] == pytest.approx(0, abs=1e-9)  # one motion cuts nothing
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("shapes", "camera"),
+    [("general", "general"), ("planar", "general"), ("general", "rotation")],
+)
+def test_one_motion_is_an_answer(shapes, camera, seed):
+    X, _ = make_rigid_motions(
+        n_tracks=120,
+        n_frames=8,
+        n_motions=1,
+        shapes=shapes,
+        camera=camera,
+        random_state=seed,
+    )
+    segmenter = MotionSegmenter(max_motions=4, n_hypotheses=200, random_state=seed)
+    assert segmenter.fit(X).n_motions_ == 1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_three_motions_are_found_with_their_number_unknown(seed):
+    X, y = make_rigid_motions(n_frames=10, random_state=seed)
+    segmenter = MotionSegmenter(n_hypotheses=200, random_state=seed).fit(X)
+    assert segmenter.n_motions_ == 3
+    assert misclassification_error(y, segmenter.labels_) < 0.01
+
+
+def test_a_known_count_is_kept(scene):
+    for count in (1, 2, 5):
+        segmenter = MotionSegmenter(count, n_hypotheses=50, random_state=0)
+        assert segmenter.fit(scene[0]).n_motions_ == count
+
+
+def test_predict_gives_fitted_tracks_their_own_label(scene):
+    X, _ = scene
+    segmenter = MotionSegmenter(3, n_hypotheses=200, random_state=0).fit(X)
+    assert np.mean(segmenter.predict(X) == segmenter.labels_) > 0.98

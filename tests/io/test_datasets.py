@@ -1,0 +1,497 @@
+"""Synthetic scenes, and files as their authors write them."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+import scipy.io
+from helpers.track_files import (
+    TRACKER_FILES,
+    cell,
+    homogeneous_pixels,
+    observations,
+    write_struct,
+)
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.utils import Bunch
+
+from skmotionseg import pack_tracks, unpack_tracks
+from skmotionseg.datasets import (
+    load_hopkins12,
+    load_hopkins155,
+    load_kt3dmoseg,
+    load_mtpv62,
+    load_tracks,
+    make_rigid_motions,
+)
+
+# ------------------------------------------------------------------- synthetic scenes
+
+
+@pytest.mark.parametrize(
+    "n_tracks, n_motions, outliers, sizes, n_outliers",
+    [
+        (70, 3, 0, [40, 20, 10], 0),
+        (63, 6, 0, [32, 16, 8, 4, 2, 1], 0),
+        (4, 4, 0, [1, 1, 1, 1], 0),
+        (50, 1, 0, [50], 0),
+        (100, 2, 0.1, [60, 30], 10),
+        (71, 3, 0, [41, 20, 10], 0),
+    ],
+)
+def test_shapes_and_sizes(n_tracks, n_motions, outliers, sizes, n_outliers):
+    X, y = make_rigid_motions(
+        n_tracks, 7, n_motions, outliers=outliers, missing=0, random_state=0
+    )
+    assert X.shape == (n_tracks, 14)
+    assert X.dtype == np.float64
+    assert y.dtype.kind == "i"
+    assert np.bincount(y[y >= 0]).tolist() == sizes
+    assert (y == -1).sum() == n_outliers
+
+
+def test_motions_are_shuffled():
+    _, y = make_rigid_motions(random_state=0)
+    assert (np.diff(y) != 0).mean() > 0.3
+
+
+def test_a_seed_gives_its_scene():
+    (X, y), (again, y_again), (other, _) = (
+        make_rigid_motions(outliers=0.1, random_state=seed) for seed in (0, 0, 1)
+    )
+    assert_array_equal(X, again)
+    assert_array_equal(y, y_again)
+    assert not np.allclose(X, other, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    "n_frames, missing",
+    [
+        (n_frames, missing)
+        for n_frames in (3, 5, 10, 20, 40)
+        for missing in (0, 0.1, 0.25, 0.5, 0.75, 0.9)
+        if missing <= 1 - 2 / n_frames  # each track is seen twice
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_share_that_is_missing(n_frames, missing, seed):
+    X, _ = make_rigid_motions(400, n_frames, missing=missing, random_state=seed)
+    assert abs(np.isnan(X).mean() - missing) < 0.02
+
+
+@pytest.mark.parametrize("missing", [0, 0.25, 0.9])
+@pytest.mark.parametrize("n_frames", [2, 3, 10])
+def test_a_track_is_seen_in_one_run_of_two_frames_or_more(n_frames, missing):
+    X, _ = make_rigid_motions(
+        200, n_frames, missing=missing, outliers=0.2, random_state=0
+    )
+    _, seen = unpack_tracks(X)
+    runs = np.diff(np.pad(seen, ((0, 0), (1, 1))).astype(int), axis=1)
+    assert (seen.sum(axis=1) >= 2).all()
+    assert ((runs == 1).sum(axis=1) == 1).all()
+    if missing and n_frames > 2:  # tracks come late, and others go early
+        assert not seen[:, 0].all()
+        assert not seen[:, -1].all()
+
+
+def two_frames(X, rows, frames=(0, -1)):
+    points, _ = unpack_tracks(X)
+    return points[rows][:, list(frames)].transpose(1, 0, 2)
+
+
+def homogeneous(x):
+    """Points normalised to centroid 0 and unit scale, as (n, 3)."""
+    x = (x - x.mean(axis=0)) / x.std()
+    return np.column_stack([x, np.ones(len(x))])
+
+
+def smallest_singular_value(rows):
+    """How far the rows are from one model that all obey; 0 is exact."""
+    singular = np.linalg.svd(rows, compute_uv=False)
+    return singular[-1] / singular[0]
+
+
+def homography_misfit(x, y):
+    """Of the DLT system (Hartley and Zisserman 2004, eq. 4.1)."""
+    x, y = homogeneous(x), homogeneous(y)
+    zero = np.zeros_like(x)
+    return smallest_singular_value(
+        np.vstack(
+            [
+                np.hstack([zero, -x, y[:, 1:2] * x]),
+                np.hstack([x, zero, -y[:, :1] * x]),
+            ]
+        )
+    )
+
+
+def fundamental_misfit(x, y):
+    """Of the eight-point system (Hartley and Zisserman 2004, eq. 11.3)."""
+    x, y = homogeneous(x), homogeneous(y)
+    return smallest_singular_value((y[:, :, None] * x[:, None]).reshape(len(x), 9))
+
+
+EXACT, CLEAR = 1e-12, 1e-5
+
+
+def exact_scene(motion, **scene):
+    X, y = make_rigid_motions(100, 5, 2, missing=0, noise=0, random_state=0, **scene)
+    return two_frames(X, y == motion)
+
+
+@pytest.mark.parametrize("motion", [0, 1])
+@pytest.mark.parametrize("camera", ["general", "rotation", "still"])
+def test_a_plane_obeys_one_homography(motion, camera):
+    scene = exact_scene(motion, shapes="planar", camera=camera)
+    assert homography_misfit(*scene) < EXACT
+
+
+@pytest.mark.parametrize("motion", [0, 1])
+def test_a_volume_obeys_one_fundamental_matrix_and_no_homography(motion):
+    scene = exact_scene(motion, shapes="general")
+    assert fundamental_misfit(*scene) < EXACT
+    assert homography_misfit(*scene) > CLEAR
+
+
+def test_two_motions_obey_no_common_fundamental_matrix():
+    X, _ = make_rigid_motions(100, 5, 2, missing=0, noise=0, random_state=0)
+    assert fundamental_misfit(*two_frames(X, slice(None))) > CLEAR
+
+
+def test_the_background_of_a_turning_camera_obeys_one_homography():
+    background, thing = (
+        exact_scene(motion, shapes="general", camera="rotation") for motion in (0, 1)
+    )
+    assert homography_misfit(*background) < EXACT
+    assert homography_misfit(*thing) > CLEAR
+
+
+def test_the_background_of_a_still_camera_stands_still():
+    x, y = exact_scene(0, camera="still")
+    assert_allclose(x, y, atol=1e-9)
+    x, y = exact_scene(1, camera="still")
+    assert np.abs(x - y).max() > 10
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.5, 3.0])
+def test_noise_is_the_standard_deviation_of_a_coordinate(noise):
+    X, y = make_rigid_motions(
+        400, 20, camera="still", missing=0, noise=noise, random_state=0
+    )
+    still = X[y == 0].reshape(-1, 20, 2)
+    assert_allclose(still.std(axis=1, ddof=1).mean(), noise, rtol=0.03)
+
+
+def test_outliers_obey_no_model():
+    X, y = make_rigid_motions(
+        200, 4, 1, shapes="planar", missing=0, noise=0, outliers=0.2, random_state=0
+    )
+    assert homography_misfit(*two_frames(X, y == 0)) < EXACT
+    assert fundamental_misfit(*two_frames(X, y == -1)) > CLEAR
+
+
+def test_the_background_is_in_the_image_in_mid_clip():
+    X, y = make_rigid_motions(n_frames=5, missing=0, noise=0, random_state=0)
+    points = X[y == 0].reshape(-1, 5, 2)
+    assert ((points[:, 2] >= 0) & (points[:, 2] <= [1280, 720])).all()
+    assert (points[:, [0, 4]] != points[:, [2]]).all()
+
+
+# --------------------------------------------------------------- files of one's own
+
+
+@pytest.fixture
+def tracks():
+    """Five tracks in four frames, some unseen: (points, visibility, X)."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 500, size=(5, 4, 2))
+    visibility = np.ones((5, 4), dtype=bool)
+    visibility[[0, 1, 4], [0, 3, 2]] = False
+    return points, visibility, pack_tracks(points, visibility)
+
+
+LABELS = np.array([0, 1, -1, 0, 2])
+
+
+def test_npz_of_points_and_visibility(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, points=points, visibility=visibility, labels=LABELS)
+    loaded = load_tracks(path)
+    assert isinstance(loaded, Bunch)
+    assert loaded.name == "clip"
+    assert_array_equal(loaded.data, X)
+    assert_array_equal(loaded.target, LABELS)
+
+
+def test_npz_of_points_with_nan(tracks, tmp_path):
+    *_, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez_compressed(path, points=X.reshape(5, 4, 2).astype(np.float32))
+    loaded = load_tracks(str(path))
+    assert_allclose(loaded.data, X, rtol=1e-6)
+    assert loaded.target is None
+
+
+def test_npz_of_tracks(tracks, tmp_path):
+    *_, X = tracks
+    path = tmp_path / "clip.NPZ"
+    with path.open("wb") as file:
+        np.savez(file, X=X, labels=LABELS.astype(float))
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, X)
+    assert_array_equal(loaded.target, LABELS)
+    assert loaded.target.dtype.kind == "i"
+
+
+# By name: the arrays of a file, made of points and visibility with tracks first.
+
+
+@pytest.mark.parametrize("tracker", TRACKER_FILES)
+def test_npz_of_trackers(tracks, tracker, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, **TRACKER_FILES[tracker](points, visibility), labels=LABELS)
+    given = {"layout": "tracks_first"} if tracker == "with a layout" else {}
+    loaded = load_tracks(path, **given)
+    assert_allclose(loaded.data, X)
+    assert_array_equal(loaded.target, LABELS)
+
+
+def test_both_logits_of_tapir_count_as_its_authors_have_it(tmp_path):
+    """(1 - sigmoid(occlusion)) (1 - sigmoid(expected_dist)) > 0.5"""
+    path = tmp_path / "clip.npz"
+    occlusion, expected_dist = np.array([[-0.9, -0.8, -9.0], [-0.9, -0.8, 0.1]])[
+        :, None
+    ]
+    arrays = {"tracks": np.ones((1, 3, 2)), "occlusion": occlusion}
+    np.savez(path, **arrays, expected_dist=expected_dist)
+    seen = unpack_tracks(load_tracks(path).data)[1]
+    assert_array_equal(seen, [[True, False, False]])  # 0.5055, 0.4755, 0.4749
+    np.savez(path, **arrays)
+    assert unpack_tracks(load_tracks(path).data)[1].all()
+    seen = unpack_tracks(load_tracks(path, visible_above=0.7).data)[1]
+    assert_array_equal(seen, [[True, False, True]])  # 0.711, 0.690, 1.000
+
+
+def test_names_that_do_not_tell_the_layout(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, tracks=points.swapaxes(0, 1), visibility=visibility.T)
+    with pytest.raises(ValueError, match=r"'tracks' of shape \(4, 5, 2\).*say layout="):
+        load_tracks(path)
+    assert_array_equal(load_tracks(path, layout="frames_first").data, X)
+
+
+def test_probabilities_in_a_file(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    probability = np.where(visibility, 0.95, 0.85).T
+    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=probability)
+    with pytest.raises(ValueError, match="visible_above"):
+        load_tracks(path)
+    assert_array_equal(load_tracks(path, visible_above=0.9).data, X)
+
+
+def test_shares_of_an_image_of_unknown_size(tracks, tmp_path):
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, points=points / [640, 512], occluded=~visibility)
+    with pytest.raises(ValueError, match=r"in \[0, 1\].*image_size=\(width, height\)"):
+        load_tracks(path)
+    assert_allclose(load_tracks(path, image_size=(640, 512)).data, X)
+    for size in ((640,), 640, "hd", ("a", "b"), (0, 512), (np.nan, 512), (640, 1j)):
+        with pytest.raises(ValueError, match="image_size must be width and height"):
+            load_tracks(path, image_size=size)
+    np.savez(path, points=points, visibility=visibility)
+    with pytest.raises(ValueError, match="image_size is for points that are shares"):
+        load_tracks(path, image_size=(640, 512))
+
+
+def test_the_video_of_a_file_is_not_read(tracks, tmp_path):
+    """Zeros are small in a file and large in memory."""
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    video = np.zeros((4, 512, 640, 3), np.uint8)
+    arrays = {"points": points / [640, 512], "occluded": ~visibility, "video": video}
+    np.savez_compressed(path, **arrays)
+    tracemalloc.start()
+    assert_allclose(load_tracks(path).data, X)
+    assert tracemalloc.get_traced_memory()[1] < video.nbytes / 2
+    tracemalloc.stop()
+
+
+@pytest.mark.parametrize("ending", ["pkl", "pickle", "pt", "PTH"])
+def test_pickles_are_not_read(ending, tmp_path):
+    path = tmp_path / f"tapvid_davis.{ending}"
+    path.write_bytes(b"cos\nsystem\n(S'exit 1'\ntR.")
+    with pytest.raises(ValueError, match=r"is a pickle, .*numpy.savez"):
+        load_tracks(path)
+
+
+def test_options_of_npz_are_of_npz(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("0,0,1,1\n")
+    with pytest.raises(ValueError, match=r"layout is for .npz files; got 'clip.csv'"):
+        load_tracks(path, layout="frames_first")
+
+
+def test_csv_of_a_row_a_track(tracks, tmp_path):
+    *_, X = tracks
+    path = tmp_path / "clip.csv"
+    path.write_text("\n".join(",".join(map(cell, row)) for row in X) + "\n\n")
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, X)
+    assert loaded.target is None
+
+
+@pytest.mark.parametrize("first_frame", [0, 1, 250])
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_csv_of_a_row_an_observation(tracks, tmp_path, first_frame, shuffled):
+    *_, X = tracks
+    path = tmp_path / "clip.csv"
+    path.write_text(observations(X, LABELS, shuffled=shuffled, first_frame=first_frame))
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, X[::-1])  # in the order of their numbers
+    assert_array_equal(loaded.target, LABELS[::-1])
+
+
+def test_csv_without_labels(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("track,frame,x,y,score\n0,3,1.5,2,0.9\n1,4,5,6,0.8\n")
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, [[1.5, 2, np.nan, np.nan], [np.nan, np.nan, 5, 6]])
+    assert loaded.target is None
+
+
+def test_csv_with_an_empty_label(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("track,frame,x,y,label\n0,0,1,2,0\n1,0,5,6,\n")
+    assert_array_equal(load_tracks(path).target, [0, -1])
+
+
+# -------------------------------------------------------- files of the benchmarks
+
+
+@pytest.fixture(scope="module")
+def clip():
+    X, y = make_rigid_motions(30, 6, 2, missing=0.2, random_state=0)
+    return X, y
+
+
+@pytest.fixture(scope="module")
+def full_clip():
+    return make_rigid_motions(30, 6, 2, missing=0, random_state=0)
+
+
+def test_kt3dmoseg(clip, tmp_path):
+    X, y = clip
+    index = np.arange(0, 30, 3)
+    for name in ("Seq2_Clip1", "Seq1_Clip1"):
+        write_struct(
+            tmp_path / f"{name}_Tracks.mat", X[index], y[index], dense=(X, index)
+        )
+    (tmp_path / "README.md").write_text("not a sequence")
+    first, second = load_kt3dmoseg(tmp_path)
+    assert (first.name, second.name) == ("Seq1_Clip1", "Seq2_Clip1")
+    assert_array_equal(first.data, X[index])
+    assert_array_equal(first.target, y[index])
+    assert_array_equal(first.dense_data, X)
+    assert_array_equal(first.dense_index, index)
+    assert_array_equal(first.dense_data[first.dense_index], first.data)
+
+
+def test_mtpv62(clip, tmp_path):
+    X, y = clip
+    y = np.where(np.arange(30) < 4, -1, y)  # label 0 in the file
+    write_struct(tmp_path / "MTPV_data_Man_Tracks.mat", X, y)
+    (sequence,) = load_mtpv62(str(tmp_path))
+    assert sequence.name == "MTPV_data_Man"
+    assert_array_equal(sequence.data, X)
+    assert_array_equal(sequence.target, y)
+    assert "dense_data" not in sequence
+
+
+def test_hopkins12(full_clip, tmp_path):
+    X, y = full_clip
+    write_struct(tmp_path / "oc2R3RCRT_g12_Tracks.mat", X, y, visibility=False)
+    (sequence,) = load_hopkins12(tmp_path)
+    assert sequence.name == "oc2R3RCRT_g12"
+    assert_array_equal(sequence.data, X)
+    assert_array_equal(sequence.target, y)
+
+
+def test_hopkins155(full_clip, tmp_path):
+    X, y = full_clip
+    pixels = homogeneous_pixels(unpack_tracks(X)[0])
+    for name in ("cars2", "1R2RC"):
+        (tmp_path / name).mkdir()
+        content = {
+            "y": pixels,
+            "x": pixels / 1000,
+            "s": y[:, None] + 1,
+            "K": np.eye(3),
+            "width": 640,
+            "height": 480,
+            "points": 30,
+            "frames": 6,
+        }
+        scipy.io.savemat(tmp_path / name / f"{name}_truth.mat", content)
+    first, second = load_hopkins155(tmp_path)
+    assert (first.name, second.name) == ("1R2RC", "cars2")
+    assert_array_equal(first.data, X)
+    assert_array_equal(first.target, y)
+
+
+REAL = {
+    "KT3DMoSeg": (load_kt3dmoseg, 11, "Seq005_Clip01", {2, 3, 4}),
+    "Hopkins155": (load_hopkins155, 79, "1R2RC", {2, 3}),
+    "MTPV62": (load_mtpv62, 6, "MTPV_data_Boat", {2, 3}),
+    "Hopkins12": (load_hopkins12, 4, "oc2R3RCRT", {2, 3}),
+}
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("dataset", REAL)
+def test_real_sequences(real_data, dataset):
+    load, n_sequences, first_name, counts = REAL[dataset]
+    sequences = load(real_data / dataset)
+    names = [sequence.name for sequence in sequences]
+    assert len(set(names)) == n_sequences
+    assert names == sorted(names)
+    assert names[0] == first_name
+    assert {len(np.unique(s.target[s.target >= 0])) for s in sequences} == counts
+    for X, y in ((s.data, s.target) for s in sequences):
+        points, seen = unpack_tracks(X)
+        assert y.shape == (len(X),)
+        assert np.unique(y[y >= 0]).tolist() == list(range(y.max() + 1))
+        assert np.abs(points[seen]).max() < 5000
+        assert (seen.sum(axis=1) >= 2).all()
+
+
+@pytest.mark.data
+def test_what_real_sequences_miss(real_data):
+    for dataset in ("Hopkins155", "Hopkins12"):
+        for sequence in REAL[dataset][0](real_data / dataset):
+            assert np.isfinite(sequence.data).all()
+    clips = load_kt3dmoseg(real_data / "KT3DMoSeg")
+    unseen = np.mean([np.isnan(clip.data).mean() for clip in clips])
+    assert 0.2 < unseen < 0.4
+    outliers = [(s.target == -1).any() for s in load_mtpv62(real_data / "MTPV62")]
+    assert any(outliers)
+
+
+@pytest.mark.data
+def test_real_dense_tracks_hold_the_labelled_ones(real_data):
+    for clip in load_kt3dmoseg(real_data / "KT3DMoSeg"):
+        assert len(clip.dense_data) > 1000
+        assert_array_equal(clip.dense_data[clip.dense_index], clip.data)
+
+
+def test_a_frame_number_beyond_reason_is_an_error_and_no_huge_array(tmp_path):
+    path = tmp_path / "tracks.csv"
+    path.write_text("track,frame,x,y\n0,0,1,2\n0,1000000000,3,4\n")
+    with pytest.raises(ValueError, match="1 tracks in 1000000001 frames are more than"):
+        load_tracks(path)

@@ -1,0 +1,324 @@
+"""The benchmarks run; what they measure is not judged here."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from threadpoolctl import threadpool_limits
+
+from benchmarks import (
+    floor,
+    growth,
+    imports,
+    measuring,
+    peers,
+    plain,
+    report,
+    runner,
+    scenes,
+    sensitivity,
+    table,
+)
+from benchmarks.__main__ import _sections, main
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core.geometry import description_length, epipolar
+from skmotionseg._core.partition import cost
+from skmotionseg.metrics import misclassification_error
+
+TINY = {
+    "n_tracks": 60,
+    "n_fitted": 60,
+    "n_new": 20,
+    "n_frames": 5,
+    "n_hypotheses": 20,
+}
+BENCHMARKS = {
+    f"{b.kind.__name__}.{b.method}": b._replace(
+        values=tuple(
+            TINY.get(name, value)
+            for name, value in zip(b.kind.param_names, b.values, strict=True)
+        )
+    )
+    for b in runner.discover(quick=True)
+}
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Test processes do not fight over cores."""
+    with threadpool_limits(1):
+        yield
+
+
+@pytest.fixture(scope="module")
+def clips():
+    return [scenes.clip_like(60, 5, random_state=seed) for seed in range(2)]
+
+
+def test_every_class_is_discovered():
+    kinds = {name.partition(".")[0] for name in BENCHMARKS}
+    assert kinds == {
+        *("Branch", "Fusion", "Selection"),
+        *("Segmenter", "Placing", "ManyTracks", "ManyFrames"),
+    }
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_benchmark_sets_up_and_runs(name):
+    benchmark = BENCHMARKS[name]
+    benchmark.make_ready()(*benchmark.values)
+
+
+def test_runner_gives_median_least_and_most():
+    median, least, most = runner.run(BENCHMARKS["Fusion.time_fusion"], 3)["seconds"]
+    assert 0 < least <= median <= most
+
+
+def test_peak_memory_is_that_of_a_fresh_process():
+    held = np.ones(2**25)
+    row = runner.run(BENCHMARKS["Branch.peakmem_branch"], 1)
+    ours = measuring.peak_memory()
+    assert 10e6 < row["peak"] < ours - held.nbytes / 2
+
+
+def test_interleaved_calls_take_turns():
+    seen = []
+    calls = {name: lambda seed, name=name: seen.append((name, seed)) for name in "ab"}
+    runs = measuring.interleave(calls, 2)
+    assert seen == [(name, seed) for seed in (0, 0, 1) for name in "ab"]
+    assert [len(each.seconds) for each in runs.values()] == [2, 2]
+
+
+@pytest.mark.parametrize("fusion", ["coreg", "kernel_addition"])
+def test_plain_version_segments(scene, fusion):
+    X, y = scene
+    labels = plain.segment(X, [3], fusion=fusion)
+    assert misclassification_error(y, labels) < 0.1
+
+
+def test_long_scene_is_seen_as_promised():
+    X, y = scenes.many_frames(200, 300, n_seen=20)
+    seen = np.isfinite(X[:, ::2]).sum(axis=1)
+    assert np.median(seen) == 20
+    assert seen.max() == 200
+    assert set(y) == {0, 1, 2}
+
+
+def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tmp_path):
+    monkeypatch.setattr(table, "_load", lambda source, data: clips)
+    monkeypatch.setattr(
+        table, "in_fresh_process", lambda function, *arguments: function(*arguments)
+    )
+    path = tmp_path / "speed.json"
+    rows = ["clips-coreg-known", "clips-plain-known", "tracks-*", "frames-*"]
+    sizes = ["--tracks", "50", "60", "--frames", "6", "--tracks-of-frames", "60"]
+    main(["--table", "--quick", "--rows", *rows, *sizes, "--json", str(path)])
+    printed = capsys.readouterr().out
+    record = {row["row"]: row for row in json.loads(path.read_text())["table"]}
+    assert list(record) == [*rows[:2], "tracks-50", "tracks-60", "frames-6"]
+    assert all(row in printed for row in record)
+    assert record["clips-plain-known"]["plain_ratio"] == 1
+    assert record["clips-coreg-known"]["plain_ratio"] > 0
+    assert record["tracks-60"]["seconds_growth"] > 0
+
+
+def test_growth_is_drawn_of_two_sizes_or_more(tmp_path):
+    rows = [
+        {
+            "n_tracks": n,
+            "n_frames": n,
+            "seconds": [n, n, n],
+            "peak": n,
+            "row": f"{s}-{n}",
+        }
+        for s in growth.SCENES
+        for n in (10, 20)
+    ]
+    growth.draw_growth(rows, tmp_path / "growth.png")
+    assert (tmp_path / "growth.png").stat().st_size > 0
+    with pytest.raises(ValueError, match=r"growth needs two rows frames-\* or more"):
+        growth.draw_growth(rows[:3], tmp_path / "growth.png")
+
+
+def test_dense_tracks_are_judged_where_they_have_labels(clips):
+    clip = clips[0]
+    clip.dense_data, clip.dense_index = np.vstack([clip.data, clip.data]), np.arange(60)
+    (row, thinned) = table._sequence_rows(
+        "dense", ["default-known", "thinned-known"], [clip], 1, None
+    )
+    assert (row["n_tracks"], thinned["n_tracks"]) == (120, 60)
+
+
+def test_imports_are_timed():
+    assert (imports.import_seconds(1) > 0).all()
+
+
+def test_floor_is_below_our_time(clips):
+    rows = floor.make_floor(clips[:1], repeats=1, n_threads=2)
+    assert [row["n_threads"] for row in rows] == [1, 1, 1, 1, 2]
+    assert all(row["floor"] == row["product"] + row["memory"] > 0 for row in rows)
+
+
+def test_peers_that_are_missing_are_named_and_not_guessed(clips, monkeypatch):
+    def missing():
+        raise ModuleNotFoundError("No module named 'mvlearn'", name="mvlearn")
+
+    name = "mvlearn MultiviewCoRegSpectralClustering"
+    monkeypatch.setitem(peers.METHODS, name, (missing, "coreg"))
+    rows = {row["row"]: row for row in peers.make_peers(clips, ["*"], 1)}
+    assert list(rows) == list(peers.METHODS)
+    problem = "not installed: pip install --no-deps mvlearn"
+    assert rows[name] == {"row": name, "problem": problem}
+    assert problem in report.as_table(rows.values(), peers.COLUMNS)
+    assert rows["ours, coreg"]["ratio"] == 1
+    assert rows["textbook, coreg"]["ratio"] > 0
+
+
+def test_page_is_rewritten_between_its_marks(tmp_path):
+    record, page = tmp_path / "speed.json", tmp_path / "speed.md"
+    report.save(record, "table", [{"row": "clips-coreg-known", "error": 1.0}])
+    report.save(record, "table", [{"row": "clips-coreg-known", "error": 2.0}])
+    page.write_text(
+        "before\n<!-- begin sequences -->\nold\n<!-- end sequences -->\nafter\n"
+        "<!-- begin growth -->\n<!-- end growth -->\n"
+    )
+    report.write_page(page, record, _sections(page))
+    written = page.read_text()
+    assert written.startswith("before\n") and "\nafter\n" in written
+    assert "old" not in written and "1.00" not in written
+    assert "| clips-coreg-known |    2.00 |" in written
+    assert "no picture yet: growth needs two rows" in written
+    with pytest.raises(ValueError, match="has a section 'sequences'; known are"):
+        report.write_page(page, record, {})
+
+
+# ------------------------------------------------------------------------- sensitivity
+
+
+@pytest.mark.parametrize("constant", sensitivity.CONSTANTS, ids=lambda c: c.name)
+def test_each_constant_is_halved_and_doubled_for_a_while(constant):
+    _, halved, doubled = sensitivity.settings_of([constant])
+    before = constant.value
+    for setting in (halved, doubled):
+        assert not np.array_equal(setting.value, before)
+        with sensitivity.in_force(setting):
+            ours = MotionSegmenter(**setting.parameters)
+            given = getattr(ours, constant.name, constant.value)
+            assert np.array_equal(given, setting.value)
+    assert constant.value is before
+
+
+def test_a_constant_changes_wherever_it_was_imported(monkeypatch):
+    monkeypatch.setattr(
+        description_length, "CUT_WEIGHT", cost.CUT_WEIGHT, raising=False
+    )
+    constant = sensitivity.Constant("_core.partition.cost", "CUT_WEIGHT")
+    with sensitivity.in_force(sensitivity.Setting("", constant, 7.0)):
+        assert cost.CUT_WEIGHT == description_length.CUT_WEIGHT == 7
+
+
+def test_values_are_scaled_in_kind():
+    assert sensitivity.scaled(3, 0.5) == 1
+    assert sensitivity.scaled(1, 0.5) == 1
+    assert sensitivity.scaled((4.0, 8.0), 2) == (8.0, 16.0)
+    assert sensitivity.last_scaled((1, 4), 0.5) == (1, 2)
+
+
+def _settings():
+    """As it is; no motion is worth its while; other lengths."""
+    gain = sensitivity.Constant("_core.partition.cost", "GAIN_OF_CUT")
+    levels = sensitivity.Constant("_core.geometry", "NOISE_LEVELS")
+    return [
+        sensitivity.AS_IT_IS,
+        sensitivity.Setting("no gain is enough", gain, 1e9),
+        sensitivity.Setting("noise", levels, 2 * levels.value),
+    ]
+
+
+def test_other_processes_see_the_value_too():
+    clips = [scenes.clip_like(120, 8, random_state=seed) for seed in range(2)]
+    sequences = [("KT3DMoSeg", clip) for clip in clips]
+    rows = sensitivity.make_sensitivity(sequences, _settings(), seeds=1, n_jobs=2)
+    right = {row["row"]: row["KT3DMoSeg"]["count_right"] for row in rows}
+    assert right["as it is"] > 0
+    assert right["no gain is enough"] == 0
+
+
+def test_fits_that_are_known_are_those_of_the_setting(clips):
+    together = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, _settings())
+    for setting, row in zip(_settings(), together, strict=True):
+        (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clips[0], 0, [setting])
+        assert row.pop("seconds") > 0
+        alone.pop("seconds")
+        assert row == alone
+
+
+def test_a_fit_is_known_only_if_nothing_has_changed(clips):
+    clip = description_length.clip_geometry(*unpack_tracks(clips[0].data))
+    x, y, seen = clip.of_group(np.arange(40))
+    fit = epipolar.robust_fits
+    scale = sensitivity.Constant("_core.epipolar", "ROBUST_SCALE")
+    doubled = sensitivity.Setting("", scale, 2 * scale.value)
+    arguments = [
+        (x, y, seen),
+        (y, x, seen),
+        (x, y, seen, epipolar.cheapest_rank_two),
+        (x, y, seen, epipolar.nearest_rank_two, seen & (np.arange(seen.shape[1]) < 20)),
+    ]
+    known = sensitivity.KnownFits()
+    with known.in_use():
+        assert description_length.robust_fits is epipolar.robust_fits is not fit
+        for setting in (sensitivity.AS_IT_IS, doubled) * 2:
+            with sensitivity.in_force(setting):
+                for each in arguments:
+                    found = zip(epipolar.robust_fits(*each), fit(*each), strict=True)
+                    assert all(np.array_equal(*pair) for pair in found)
+    assert len(known._known) == 8
+    assert known.saved > 0
+    assert epipolar.robust_fits is description_length.robust_fits is fit
+
+
+def test_halves_of_a_benchmark_share_no_sequence(monkeypatch):
+    names = [f"sequence {i:02}" for i in range(19)]
+    monkeypatch.setitem(sensitivity.LOADERS, "KT3DMoSeg", lambda _: names)
+    monkeypatch.setitem(sensitivity.LOADERS, "Hopkins155", lambda _: names)
+
+    def read(half):
+        return sensitivity.read_sequences(".", ["KT3DMoSeg", "Hopkins155"], half)
+
+    first, second = read("first"), read("second")
+    assert not set(first) & set(second)
+    assert set(first) | set(second) == set(read("both"))
+    assert ("KT3DMoSeg", names[0]) in first
+    assert len(read("both")) == 19 + 3 + 3
+
+
+def test_sensitivity_is_measured_and_written(monkeypatch, clips, capsys, tmp_path):
+    page = tmp_path / "sensitivity.md"
+    page.write_text("<!-- begin first -->\nold\n<!-- end first -->\n")
+    monkeypatch.setattr(sensitivity, "PAGE", page)
+    monkeypatch.setitem(sensitivity.LOADERS, "KT3DMoSeg", lambda _: clips)
+    (tmp_path / "KT3DMoSeg").mkdir()
+    options = ["--data", str(tmp_path), "--half", "first", "--jobs", "1", "--write"]
+    sensitivity.main([*options, "--rows", "CUT_*", "--seeds", "2"])
+    assert "CUT_WEIGHT, halved" in capsys.readouterr().out
+    rows = json.loads((tmp_path / "sensitivity.json").read_text())["first"]
+    names = ["as it is", "± over seeds", "CUT_WEIGHT, halved", "CUT_WEIGHT, doubled"]
+    assert [row["row"] for row in rows] == names
+    assert all(row["KT3DMoSeg"]["n_sequences"] == 1 for row in rows)
+    written = page.read_text()
+    assert "old" not in written
+    assert all(f"| {name} " in written for name in names)
+    sensitivity.main(["--write"])
+    assert page.read_text() == written
+
+
+def test_sensitivity_needs_data_or_a_record(capsys, tmp_path):
+    with pytest.raises(SystemExit):
+        sensitivity.main([])
+    assert "give --data, or --write alone" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        sensitivity.main(["--data", str(tmp_path)])
+    assert "none of KT3DMoSeg" in capsys.readouterr().err

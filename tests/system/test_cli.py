@@ -1,0 +1,572 @@
+"""The command, called as a function: what it prints, writes and returns."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sys
+from contextlib import redirect_stdout
+
+import numpy as np
+import pytest
+from helpers.moseg_files import write_definition, write_tracks
+from helpers.track_files import write_struct
+from numpy.testing import assert_array_equal
+from rich.console import Console
+
+from skmotionseg import MotionSegmenter, __version__, unpack_tracks
+from skmotionseg._commands import runs
+from skmotionseg._commands.console import with_progress
+from skmotionseg.cli import main
+from skmotionseg.datasets import load_fbms59, load_tracks, make_rigid_motions
+from skmotionseg.metrics import (
+    fbms_objects,
+    fbms_scores,
+    misclassification_error,
+)
+
+PNG = b"\x89PNG\r\n\x1a\n"
+METHODS = ("affine", "homography", "fundamental", "kernel_addition", "coreg", "subset")
+COMPARED = tuple(
+    models + rule
+    for models in ("homography_", "")
+    for rule in ("eigengap", "self_tuning")
+)
+STAGES = ["hypotheses", "kernel", "clustering"]
+RECORD = {
+    "dataset",
+    "method",
+    "sequence",
+    "seed",
+    "n_tracks",
+    "n_frames",
+    "n_motions",
+    "error_known",
+    "n_motions_found",
+    "error_unknown",
+    "n_motions_found_from_2",
+    "error_unknown_from_2",
+    "seconds",
+}
+
+
+@pytest.fixture(autouse=True)
+def wide_terminal(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command: (exit code, what it printed, what it printed to stderr)."""
+
+    def run(*arguments):
+        code = main([str(argument) for argument in arguments])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def scene_file(scene, tmp_path):
+    X, y = scene
+    np.savez(tmp_path / "scene.npz", X=X, labels=y)
+    return tmp_path / "scene.npz"
+
+
+def facts(printed):
+    """A table of two columns as a dict."""
+    rows = [line.strip("│ ").split("│") for line in printed.splitlines()]
+    return {row[0].strip(): row[1].strip() for row in rows if len(row) == 2}
+
+
+# ------------------------------------------------------------------------------- demo
+
+
+def test_the_demo_finds_three_motions(run, tmp_path):
+    code, printed, errors = run("demo", "--out", tmp_path / "demo.png")
+    assert (code, errors) == (0, "")
+    table = facts(printed)
+    assert table["tracks"] == "400"
+    assert table["motions found"] == table["motions true"] == "3"
+    assert float(table["misclassification"].rstrip("%")) < 5
+    assert float(table["seconds total"]) > 0
+    assert f"picture: {tmp_path / 'demo.png'}" in printed.replace("\n", " ")
+    assert (tmp_path / "demo.png").read_bytes().startswith(PNG)
+
+
+class LargestMotionOnly(MotionSegmenter):
+    """Finds one motion at once."""
+
+    def fit(self, X, y=None):
+        self.labels_ = np.zeros(len(X), dtype=int)
+        self.n_motions_ = 1
+        self.stage_seconds_ = dict.fromkeys([*STAGES, "total"], 0.0)
+        return self
+
+
+def test_a_seed_gives_its_demo(run, tmp_path, monkeypatch):
+    monkeypatch.setattr("skmotionseg.segmentation.MotionSegmenter", LargestMotionOnly)
+    pictures = [tmp_path / name for name in ("first.png", "again.png", "other.png")]
+    for picture, seed in zip(pictures, (3, 3, 4), strict=True):
+        run("demo", "--seed", seed, "--out", picture)
+    first, again, other = (picture.read_bytes() for picture in pictures)
+    assert first == again != other
+
+
+# ---------------------------------------------------------------------------- segment
+
+
+def test_segment_prints_what_it_found(run, scene, scene_file):
+    X, y = scene
+    code, printed, errors = run("segment", scene_file, "--motions", 3)
+    assert (code, errors) == (0, "")
+    labels = MotionSegmenter(3, random_state=0).fit_predict(X)
+    table = facts(printed)
+    assert table["motions found"] == "3"
+    assert table["frames"] == "8"
+    assert table["misclassification"] == f"{misclassification_error(y, labels):.2%}"
+    for motion in range(3):
+        n_tracks = (labels == motion).sum()
+        row = rf"│ +{motion} │ +{n_tracks} │ +{n_tracks / len(X):.1%} │ +8 of 8 │ ● #"
+        assert re.search(row, printed)
+
+
+def test_segment_says_what_explains_the_motions_and_their_number(
+    run, scene, scene_file, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    picture = tmp_path / "report.png"
+    code, printed, errors = run("segment", scene_file, "--report", picture)
+    assert (code, errors) == (0, "")
+    assert picture.read_bytes().startswith(PNG)
+    report = MotionSegmenter(random_state=0).fit(scene[0]).report(scene[0])
+    for motion in report.motions:
+        row = rf"│ +{motion.label} │.*│ {motion.model} +│ +{motion.residual:.2f} px │"
+        assert re.search(row, printed)
+    for each in report.counts:
+        row = rf"│ +{each.n_motions} │.*│ +{each.total:.4f} │ {each.verdict} +│"
+        assert re.search(row, printed)
+    _, printed, _ = run("segment", scene_file, "--motions", 3)
+    assert "chosen" not in printed  # there was nothing to choose
+
+
+@pytest.mark.parametrize("ending", [".npz", ".csv"])
+def test_segment_writes_labels(run, scene, scene_file, tmp_path, ending):
+    X, _ = scene
+    out = tmp_path / f"labels{ending}"
+    options = ("--motions", 3, "--seed", 5, "--out", out)
+    code, printed, _ = run("segment", scene_file, *options)
+    assert code == 0
+    assert f"labels: {out}" in printed.replace("\n", " ")
+    expected = MotionSegmenter(3, random_state=5).fit_predict(X)
+    if ending == ".npz":
+        written = load_tracks(out)
+        assert_array_equal(written.data, X)
+        assert_array_equal(written.target, expected)
+    else:
+        assert out.read_text().startswith("track,label\n0,")
+        table = np.loadtxt(out, delimiter=",", skiprows=1, dtype=int)
+        assert_array_equal(table, np.column_stack([np.arange(len(X)), expected]))
+    assert {path.name for path in tmp_path.iterdir()} == {out.name, scene_file.name}
+
+
+def test_segment_reads_csv_and_draws(run, scene, tmp_path):
+    X, _ = scene
+    path, picture = tmp_path / "scene.csv", tmp_path / "scene.png"
+    np.savetxt(path, X, delimiter=",")
+    path.write_text(path.read_text().replace("nan", ""))
+    code, printed, errors = run(
+        "segment", path, "--motions", 3, "--out", path, "--render", picture
+    )
+    assert (code, errors) == (0, "")
+    assert "misclassification" not in printed  # there are no labels to judge by
+    assert facts(printed)["unseen"] == f"{np.isnan(X).mean():.1%}"
+    assert path.read_text().startswith("track,label\n")  # written over its input
+    assert picture.read_bytes().startswith(PNG)
+
+
+def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
+    X, _ = scene
+    folder = tmp_path / "motions"
+    options = ("--motions", 3, "--split-dir", folder)
+    code, printed, errors = run("segment", scene_file, *options)
+    assert (code, errors) == (0, "")
+    assert f"motions: 3 files in {folder}" in " ".join(printed.split())
+    expected = MotionSegmenter(3, random_state=0).fit_predict(X)
+    for motion in range(3):
+        clip = load_tracks(folder / f"motion_{motion}.npz")
+        assert_array_equal(clip.data, X[expected == motion])
+    code, _, errors = run("segment", scene_file, "--motions", 2, "--split-dir", folder)
+    assert code == 2
+    assert "motion_2.npz of another segmentation" in errors
+
+
+def test_segment_chooses_the_count_by_default(run, scene_file):
+    _, unasked, _ = run("segment", scene_file)
+    _, asked, _ = run("segment", scene_file, "--motions", "auto")
+    assert facts(unasked)["motions found"] == facts(asked)["motions found"]
+    assert 1 <= int(facts(unasked)["motions found"]) <= 10
+
+
+# ------------------------------------------------------------------------------ bench
+
+
+@pytest.fixture(scope="module")
+def benchmarks(tmp_path_factory):
+    """A folder that holds made-up sequences: two of KT3DMoSeg, one of Hopkins12."""
+    data = tmp_path_factory.mktemp("data")
+    for dataset in ("KT3DMoSeg", "Hopkins12"):
+        (data / dataset).mkdir()
+    for seed in range(2):
+        X, y = make_rigid_motions(40 + seed, 4, 2, random_state=seed)
+        write_struct(data / "KT3DMoSeg" / f"Seq{seed}_Tracks.mat", X, y)
+    X, y = make_rigid_motions(40, 4, 2, missing=0, random_state=0)
+    write_struct(data / "Hopkins12" / "small_Tracks.mat", X, y, visibility=False)
+    return data
+
+
+def bench(data, *options):
+    return ["bench", "--data", str(data), "--jobs", "1", *options]
+
+
+@pytest.fixture(scope="module")
+def measured(benchmarks, tmp_path_factory):
+    """Records and tables of two methods and two seeds on KT3DMoSeg."""
+    out = tmp_path_factory.mktemp("out") / "records.json"
+    options = ("--datasets", "KT3DMoSeg", "--seeds", "2", "--json", str(out))
+    printed = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(printed):
+        patch.setenv("COLUMNS", "200")
+        methods = ("--methods", "kernel_addition", "default")
+        assert main(bench(benchmarks, *options, *methods)) == 0
+    return json.loads(out.read_text()), printed.getvalue()
+
+
+def test_bench_writes_a_record_a_run(measured):
+    records, _ = measured
+    runs = [(r["dataset"], r["method"], r["sequence"], r["seed"]) for r in records]
+    assert runs == [
+        ("KT3DMoSeg", method, sequence, seed)
+        for method in ("default", "kernel_addition")
+        for sequence in ("Seq0", "Seq1")
+        for seed in (0, 1)
+    ]
+    for record in records:
+        assert set(record) == RECORD
+        assert list(record["seconds"]) == [*STAGES, "total"]
+        *stages, total = record["seconds"].values()
+        assert total == pytest.approx(sum(stages))
+        assert min(stages) > 0
+        assert record["n_tracks"] == 40 + int(record["sequence"][-1])
+        assert (record["n_frames"], record["n_motions"]) == (4, 2)
+
+
+def test_bench_measures_the_segmenter(measured, benchmarks):
+    records, _ = measured
+    for record in records:
+        if record["method"] != "default" or record["seed"] != 1:
+            continue
+        path = benchmarks / "KT3DMoSeg" / f"{record['sequence']}_Tracks.mat"
+        clip = load_tracks(path)
+        known, unknown, from_2 = (
+            MotionSegmenter(random_state=1, **params).fit(clip.data)
+            for params in ({"n_motions": 2}, {}, {"min_motions": 2})
+        )
+        assert record["n_motions_found"] == unknown.n_motions_
+        assert record["n_motions_found_from_2"] == from_2.n_motions_
+        for name, segmenter in (
+            ("error_known", known),
+            ("error_unknown", unknown),
+            ("error_unknown_from_2", from_2),
+        ):
+            error = misclassification_error(clip.target, segmenter.labels_)
+            assert record[name] == error
+
+
+def bench_table(printed):
+    """The cells of the table of errors, by method; a cell may take several lines."""
+    cells, _ = printed.split("mean seconds")
+    lines = [line.strip("│").split("│") for line in cells.splitlines()]
+    table, method = {}, ""
+    for name, *row in lines:
+        if len(row) == 6:
+            method = name.strip() or method
+            parts = zip(table.get(method, [""] * 6), row, strict=True)
+            table[method] = [f"{known} {new}".strip() for known, new in parts]
+    return {method: [" ".join(c.split()) for c in row] for method, row in table.items()}
+
+
+def test_bench_prints_means_over_sequences_and_seeds(measured):
+    records, printed = measured
+    assert "KT3DMoSeg: 2 sequences, 2 seeds" in printed
+    for method, (known, *_) in bench_table(printed).items():
+        errors = [r["error_known"] for r in records if r["method"] == method]
+        assert known.startswith(f"{100 * np.mean(errors):.2f} ±")
+
+
+def test_bench_prints_the_papers_figures(measured):
+    _, printed = measured
+    ours = bench_table(printed)
+    assert set(ours) == {"kernel_addition", "default"}
+    figures = ["8.31", "1.02", "10.21", "50.00", "7.51", "68.18"]
+    for cell, paper in zip(ours["kernel_addition"], figures, strict=True):
+        assert cell.endswith(f"({paper})")
+    assert not any("(" in cell for cell in ours["default"])  # the paper has no such
+
+
+def test_bench_names_the_methods_where_the_terminal_is_narrow(
+    run, benchmarks, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "80")
+    options = ("--datasets", "KT3DMoSeg", "--seeds", 1, "--methods", "kernel_addition")
+    _, printed, _ = run(*bench(benchmarks, *options))
+    errors, seconds = printed.split("mean seconds")
+    assert "kernel_addition" in errors
+    assert "kernel_addition" in seconds
+    assert "8.31" in errors
+
+
+def test_bench_takes_what_it_finds_and_knows(run, benchmarks, monkeypatch):
+    monkeypatch.setattr("skmotionseg._commands.runs.MotionSegmenter", LargestMotionOnly)
+    _, printed, _ = run(*bench(benchmarks, "--seeds", 1))
+    for dataset in ("Hopkins12: 1 sequences", "KT3DMoSeg: 2 sequences"):
+        assert dataset in printed
+    errors, seconds = printed.split("mean seconds")
+    for name in (*METHODS, *COMPARED, "default"):
+        assert errors.count(f"│ {name} ") == 2  # one in the table of each dataset
+        assert f"│ {name} " in seconds
+    for dataset in ("Hopkins155", "MTPV62"):
+        assert dataset not in printed
+
+
+@pytest.fixture
+def fbms(tmp_path):
+    """Two small sequences of FBMS-59, one of each set: points of regions, each."""
+    for part, seed in (("Trainingset", 0), ("Testset", 1)):
+        X, y = make_rigid_motions(80, 10, 2, missing=0, random_state=seed)
+        home = tmp_path / "FBMS59" / part / f"scene{seed}"
+        masks = {}
+        for frame in (0, 9):
+            image = np.zeros((720, 1280))
+            column, row = np.floor(X[:, 2 * frame : 2 * frame + 2].T + 0.5).astype(int)
+            inside = (row >= 0) & (row < 720) & (column >= 0) & (column < 1280)
+            image[row[inside], column[inside]] = y[inside]
+            masks[frame] = (f"{frame:04}_gt.pgm", image)
+        write_definition(home, [0, 1], 10, masks)
+        write_tracks(home / "Tracks10.dat", X, y)
+    return tmp_path
+
+
+def test_bench_scores_regions(run, fbms, tmp_path):
+    out = tmp_path / "records.json"
+    methods = ("--methods", "homography", "default", "--seeds", 2)
+    bench = ("bench", "--data", fbms, "--jobs", 1, *methods, "--json", out)
+    code, printed, errors = run(*bench, "--datasets", "FBMS59")
+    assert (code, errors) == (0, "")
+    for part in ("Trainingset", "Testset"):
+        title = rf"FBMS59 {part}: 1 sequences, 2 seeds; number of motions unknown"
+        assert len(re.findall(title, " ".join(printed.split()))) == 1
+    assert "mean seconds" not in printed  # with the number of motions known
+    records = json.loads(out.read_text())
+    assert len(records) == 8
+    for record in records:
+        clip = next(c for c in load_fbms59(fbms / "FBMS59") if c.set == record["set"])
+        assert clip.name == record["sequence"]
+        params = runs.METHODS[record["method"]]
+        found = MotionSegmenter(random_state=record["seed"], **params).fit(clip.data)
+        points = (clip.point_target, found.labels_[clip.point_track])
+        given = {"sample_weight": clip.point_weight, "region_sizes": clip.region_sizes}
+        scores = fbms_scores(*points, **given)
+        assert tuple(record[name] for name in scores._fields) == pytest.approx(scores)
+        assert record["visible"] == fbms_objects(*points, **given).visible == 1
+    table, _ = printed.split("FBMS59 Testset")
+    for name, column in (("density", 0), ("precision", 1), ("recall", 2)):
+        figures = [
+            100 * record[name]
+            for record in records
+            if record["set"] == "Trainingset" and record["method"] == "default"
+        ]
+        row = next(line for line in table.splitlines() if "│ default " in line)
+        cells = row.strip("│").split("│")
+        assert cells[column + 1].strip() == f"{np.mean(figures):.2f}"
+
+
+def test_bench_prints_the_papers_scores_of_regions(run, fbms, monkeypatch):
+    monkeypatch.setattr(
+        "skmotionseg._commands.region_runs.MotionSegmenter", LargestMotionOnly
+    )
+    _, printed, _ = run("bench", "--data", fbms, "--seeds", 1, "--jobs", 1)
+    for figure in (
+        "0.89",
+        "90.35",
+        "73.57",
+        "81.10",
+        "0.90",
+        "84.41",
+        "72.87",
+        "78.22",
+    ):
+        assert f"({figure})" in printed
+
+
+def test_the_papers_methods_are_the_papers():
+    """They choose the count as the paper does, or as what it compares with."""
+    assert set(runs.METHODS) == {*METHODS, *COMPARED, "default"}
+    for name in METHODS:
+        segmenter = MotionSegmenter(**runs.METHODS[name])
+        assert segmenter.selection == "ncre"
+    for name in COMPARED:
+        segmenter = MotionSegmenter(**runs.METHODS[name])
+        assert name.endswith(segmenter.selection)
+        assert (segmenter.models == ("homography",)) == name.startswith("homography")
+    assert MotionSegmenter(**runs.METHODS["default"]).get_params() == (
+        MotionSegmenter().get_params()
+    )
+
+
+# ----------------------------------------------------------------------------- errors
+
+
+BENCH = "bench --seeds 1 --jobs 1 --methods affine --data"
+ERRORS = {
+    "segment nowhere.npz": "no track file at nowhere.npz",
+    "segment {notes}": "track files end in .npz, .mat or .csv; got 'notes.txt'",
+    "segment {other}": "other.npz is not a track file: .*'points'",
+    "segment {broken}": "broken.npz is not a track file",
+    "segment {scene} --motions 999": "999 .* more than the .*140",
+    "segment {scene} --out labels.txt": "end in .npz or .csv; got labels.txt",
+    "segment {scene} --render motions.txt": "end in .* got motions.txt",
+    "segment {scene} --out nowhere/labels.npz": "nowhere",
+    "segment {scene} --render nowhere/motions.png": "nowhere",
+    "segment {scene} --report report.txt": "end in .* got report.txt",
+    "segment {scene} --report nowhere/report.png": "nowhere",
+    "segment {scene} --split-dir nowhere/motions": "nowhere",
+    "demo --out nowhere/demo.png": "nowhere",
+    "demo --out demo.txt": "end in .* got demo.txt",
+    f"{BENCH} nowhere": "none of the folders Hopkins155, .* KT3DMoSeg is in nowhere",
+    f"{BENCH} {{data}} --datasets MTPV62": r"no file \*_Tracks.mat in .*MTPV62",
+    f"{BENCH} {{data}} --json nowhere/records.json": "nowhere",
+}
+
+
+@pytest.mark.parametrize("command", ERRORS)
+def test_errors_are_one_line_and_come_first(
+    command, run, scene_file, benchmarks, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    paths = {
+        "notes": tmp_path / "notes.txt",
+        "other": tmp_path / "other.npz",
+        "broken": tmp_path / "broken.npz",
+        "scene": scene_file,
+        "data": benchmarks,
+    }
+    paths["notes"].write_text("not tracks")
+    np.savez(paths["other"], a=np.ones(3))
+    paths["broken"].write_bytes(scene_file.read_bytes()[:1000])
+    before = set(tmp_path.rglob("*"))
+    code, printed, errors = run(*(part.format(**paths) for part in command.split()))
+    assert code == 2
+    assert errors.startswith("skmotionseg: ")
+    assert errors.count("\n") == 1
+    assert "Traceback" not in errors
+    assert re.search(ERRORS[command], errors)
+    assert printed.strip() == ""
+    assert set(tmp_path.rglob("*")) == before
+
+
+def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
+    run, scene_file, tmp_path, monkeypatch
+):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(MotionSegmenter, "fit", interrupted)
+    code, _, errors = run("segment", scene_file, "--out", tmp_path / "labels.csv")
+    assert code == 130
+    assert errors == "skmotionseg: interrupted\n"
+    assert list(tmp_path.iterdir()) == [scene_file]
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        ([], "the following arguments are required: COMMAND"),
+        (["colour"], "invalid choice: 'colour'"),
+        (["segment"], "the following arguments are required: INPUT"),
+        (["segment", "x.npz", "--motions", "0"], "--motions: expected 1 or more"),
+        (["segment", "x.npz", "--motions", "some"], "--motions: invalid"),
+        (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),
+        (["bench", "--data", ".", "--datasets", "MNIST"], "invalid choice: 'MNIST'"),
+        (["bench", "--data", ".", "--seeds", "0"], "--seeds: expected 1 or more"),
+        (["bench"], "the following arguments are required: --data"),
+    ],
+    ids=" ".join,
+)
+def test_wrong_usage(arguments, words, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(arguments)
+    printed, errors = capsys.readouterr()
+    assert stop.value.code == 2
+    assert printed == ""
+    assert words in errors
+
+
+@pytest.mark.parametrize(
+    "module, command", [("rich", "segment"), ("matplotlib", "demo")]
+)
+def test_a_missing_extra_is_named(
+    module, command, run, scene_file, tmp_path, monkeypatch
+):
+    for name in list(sys.modules):
+        if name.partition(".")[0] == module:
+            monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setitem(sys.modules, module, None)
+    arguments = [scene_file] if command == "segment" else ["--out", tmp_path / "d.png"]
+    code, _, errors = run(command, *arguments)
+    assert code == 2
+    assert f"this needs {module}, which is not installed: pip install" in errors
+    assert '"skmotionseg[cli]"' in errors
+
+
+@pytest.mark.parametrize("command", [[], ["demo"], ["segment"], ["bench"]])
+def test_help(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*command, "--help"])
+    assert stop.value.code == 0
+    assert f"usage: {' '.join(['skmotionseg', *command])}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_progress_is_a_bar_on_a_terminal_and_lines_in_a_file(is_terminal):
+    console = Console(file=io.StringIO(), force_terminal=is_terminal, width=100)
+    items = with_progress(iter("ab" * 20), 40, "counting", console)
+    assert "".join(items) == "ab" * 20
+    printed = console.file.getvalue()
+    assert printed.count("of 40 done\n") == (0 if is_terminal else 10)
+    assert ("100%" in printed) == is_terminal
+    assert "counting" in printed
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--version"])
+    assert stop.value.code == 0
+    assert capsys.readouterr().out == f"{__version__}\n"
+
+
+def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
+    points, seen = unpack_tracks(scene[0])
+    rows = [
+        f"{2000003 - 7 * track},{frame},{x},{y}"
+        for track, (path, visible) in enumerate(zip(points, seen, strict=True))
+        for frame, ((x, y), here) in enumerate(zip(path, visible, strict=True))
+        if here
+    ]
+    file = tmp_path / "clip.csv"
+    file.write_text("\n".join(["track,frame,x,y", *rows]))
+    code, _, _ = run("segment", file, "--motions", 3, "--out", tmp_path / "out.csv")
+    assert code == 0
+    names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
+    assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))

@@ -1,0 +1,263 @@
+"""A dask cluster of two processes gives the labels of one process, whoever dies."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from threading import Lock
+
+import numpy as np
+import pytest
+from helpers.mortal import (
+    Dies,
+    ReportsPoolSizes,
+    StaysHere,
+    pool_sizes,
+    set_pool_sizes,
+)
+from joblib import parallel_config
+from numpy.testing import assert_array_equal
+from sklearn.model_selection import GridSearchCV, KFold
+
+from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
+from skmotionseg._core.geometry.motion_models import MOTION_MODELS, translation_map
+from skmotionseg.datasets import make_rigid_motions
+
+distributed = pytest.importorskip(
+    "distributed", reason="dask's distributed is not installed"
+)
+
+pytestmark = pytest.mark.xdist_group("dask")  # one cluster is enough
+
+SMALL = {"n_hypotheses": 50, "random_state": 0}
+DOOMED = 31  # tracks of the sequence that kills
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with (
+        distributed.LocalCluster(
+            n_workers=2,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=":0",
+        ) as cluster,
+        distributed.Client(cluster),
+    ):
+        yield cluster
+
+
+@pytest.fixture
+def dask(cluster):
+    """The engine of joblib, both workers being there."""
+    distributed.default_client().wait_for_workers(2, timeout=60)
+    with parallel_config(backend="dask"):
+        yield distributed.default_client()
+
+
+@pytest.fixture(scope="module")
+def sequences():
+    """Short sequences, the third of ``DOOMED`` tracks: (list of X, list of y)."""
+    scenes = [
+        make_rigid_motions(DOOMED + (seed != 2), 5, 2, random_state=seed)
+        for seed in range(5)
+    ]
+    return [X for X, _ in scenes], [y for _, y in scenes]
+
+
+def run_here(function):
+    with parallel_config(backend="sequential"):
+        return function()
+
+
+def was_run(cluster, name):
+    """Whether tasks of that name have been on the cluster."""
+    return any(f"of_{name}" in prefix for prefix in cluster.scheduler.task_prefixes)
+
+
+def assert_same(first, second):
+    assert len(first) == len(second)
+    for one, other in zip(first, second, strict=True):
+        assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("n_motions", [3, "auto"])
+def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster):
+    X, _ = scene
+
+    def fit():
+        segmenter = MotionSegmenter(
+            n_motions, max_motions=3, batch_size=20, n_jobs=2, **SMALL
+        )
+        segmenter.fit(X[::2])
+        return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
+
+    assert_same(fit(), run_here(fit))
+    assert was_run(cluster, "fitting the homography model")
+    assert was_run(cluster, "placing tracks 0 to 19")
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_sequences_are_segmented_on_the_cluster(n_jobs, sequences, dask, cluster):
+    X, y = sequences
+    segmenter = MotionSegmenter(max_motions=3, n_jobs=n_jobs, **SMALL)
+    estimator = PerSequence(segmenter, n_jobs=n_jobs).fit(X, y)
+    assert_same(estimator.predict(X), run_here(lambda: estimator.predict(X)))
+    assert estimator.score(X, y) == run_here(lambda: estimator.score(X, y))
+    assert was_run(cluster, "segmenting sequence 4")
+
+
+def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
+    def fit():
+        found = GridSearchCV(
+            PerSequence(MotionSegmenter(2, selection="ncre", **SMALL)),
+            {"estimator__sparsity": [2, 6]},
+            cv=KFold(2),
+            error_score="raise",
+        ).fit(*sequences)
+        scores = [found.cv_results_[f"split{i}_test_score"] for i in range(2)]
+        return [*scores, *found.predict(sequences[0])]
+
+    assert_same(fit(), run_here(fit))
+    assert was_run(cluster, "_fit_and_score")
+
+
+def test_caches_are_shared_with_the_workers(sequences, dask, tmp_path):
+    X, _ = sequences
+    segmenter = MotionSegmenter(2, memory=str(tmp_path), **SMALL)
+    estimator = PerSequence(segmenter).fit(X)
+
+    def n_cached():
+        return len(list(tmp_path.rglob("output.pkl")))
+
+    there = estimator.predict(X)
+    assert n_cached() == 3 * len(X)
+    assert_same(there, estimator.predict(X))
+    assert_same(there, run_here(lambda: estimator.predict(X)))
+    assert n_cached() == 3 * len(X)
+
+
+def test_workers_have_one_thread_each_while_they_work(sequences, dask):
+    dask.run(set_pool_sizes, 2)
+    before = dask.run(pool_sizes)
+    assert max(max(sizes) for sizes in before.values()) == 2
+    reports = PerSequence(ReportsPoolSizes()).fit(sequences[0]).predict(sequences[0])
+    assert os.getpid() not in [pid for pid, *_ in reports]
+    assert {size for _, *sizes in reports for size in sizes} == {1}
+    assert dask.run(pool_sizes) == before
+
+
+# -------------------------------------------------------------- models of one's own
+
+
+def translation(shift):
+    """A model that workers have not registered and cannot import."""
+
+    def fit(x, y):
+        return translation_map((y - x)[..., 0, :] + shift)
+
+    return replace(MOTION_MODELS["affine"], name="translation", minimal_size=1, fit=fit)
+
+
+MODELS = ["translation", "homography"]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: PerSequence(MotionSegmenter(2, models=MODELS, **SMALL)),
+        lambda: PerSequence(make_motion_pipeline(MODELS, 2, **SMALL)),
+        lambda: GridSearchCV(
+            PerSequence(MotionSegmenter(2, **SMALL)),
+            {"estimator__models": [MODELS, MODELS[:1]]},
+            cv=KFold(2),
+            error_score="raise",
+        ),
+    ],
+    ids=["segmenter", "pipeline", "search"],
+)
+def test_workers_get_to_know_models_of_ones_own(make, sequences, dask, monkeypatch):
+    X, y = sequences
+    there, here = [], []
+    for shift in (0, 0.5):  # the second replaces the first
+        monkeypatch.setitem(MOTION_MODELS, "translation", translation(shift))
+        there.append(make().fit(X, y).predict(X))
+        here.append(run_here(lambda: make().fit(X, y).predict(X)))
+    for one, other in zip(there, here, strict=True):
+        assert_same(one, other)
+    assert any((a != b).any() for a, b in zip(*here, strict=True))
+
+
+# ---------------------------------------------------------------------- what goes wrong
+
+
+def test_a_worker_that_is_killed_costs_no_result(sequences, dask, tmp_path):
+    X, _ = sequences
+    segmenter = MotionSegmenter(2, **SMALL)
+    died = tmp_path / "died"
+    estimator = PerSequence(Dies(segmenter, DOOMED, once=died)).fit(X)
+    labels = estimator.predict(X)
+    assert died.exists()
+    assert_same(labels, run_here(lambda: PerSequence(segmenter).fit(X).predict(X)))
+
+
+def test_a_model_whose_worker_is_killed_is_fitted_again(
+    scene, dask, tmp_path, monkeypatch
+):
+    X, _ = scene
+    died = tmp_path / "died"
+    here = os.getpid()
+
+    def fit(x, y):
+        if os.getpid() != here and not died.exists():
+            died.touch()
+            os.kill(os.getpid(), 9)
+        return translation_map((y - x)[..., 0, :])
+
+    model = replace(translation(0), fit=fit)
+    monkeypatch.setitem(MOTION_MODELS, "translation", model)
+    segmenter = MotionSegmenter(3, models=MODELS, **SMALL)
+    labels = segmenter.fit_predict(X)
+    assert died.exists()
+    assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))
+
+
+def test_a_task_that_workers_cannot_read_is_named(sequences, dask):
+    X, _ = sequences
+    with pytest.raises(LookupError, match="stays where it is") as caught:
+        PerSequence(StaysHere()).fit(X).predict(X)
+    (note,) = caught.value.__notes__
+    assert note.startswith("while segmenting sequence ")
+
+
+def test_a_task_that_cannot_be_sent_is_named(sequences, dask):
+    X, _ = sequences
+    estimator = PerSequence(Dies(MotionSegmenter(2), DOOMED, once=Lock())).fit(X)
+    with pytest.raises(TypeError, match="cannot pickle") as caught:
+        estimator.predict(X)
+    assert "while sending off for segmenting sequence 0" in caught.value.__notes__
+
+
+def test_a_sequence_that_fails_is_named(sequences, dask):
+    X, _ = sequences
+    X = [*X, np.ones((30, 9))]
+    estimator = PerSequence(MotionSegmenter(2, **SMALL)).fit(X)
+    with pytest.raises(ValueError, match="got 9 columns") as caught:
+        estimator.predict(X)
+    assert "while segmenting sequence 5" in caught.value.__notes__
+
+
+# The last, for it leaves a cluster without workers, whose nannies bring new ones.
+def test_a_sequence_that_kills_every_worker_is_named(
+    sequences, dask, cluster, monkeypatch
+):
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+    X, _ = sequences
+    estimator = PerSequence(Dies(MotionSegmenter(2, **SMALL), DOOMED)).fit(X)
+    with pytest.raises(distributed.KilledWorker) as caught:
+        estimator.predict(X)
+    # Another one may have been on the same worker each time.
+    (note,) = caught.value.__notes__
+    tasks = note.removeprefix("while ").split(" or ")
+    assert "segmenting sequence 2" in tasks
+    assert len(tasks) <= 2

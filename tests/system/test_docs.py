@@ -1,0 +1,42 @@
+"""Pages, README and metadata keep up with the package."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from helpers.public_names import NAMES
+
+import skmotionseg
+
+ROOT = Path(skmotionseg.__file__).parents[1]
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(ROOT.glob("docs/**/*.md")),
+]
+
+
+def test_the_interface_lists_every_public_module():
+    listed = re.findall(
+        r"^   (skmotionseg\S*)$", (ROOT / "docs/api.md").read_text(), re.M
+    )
+    modules = {name.rpartition(".")[0] for name in NAMES}
+    assert modules == set(listed)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_to_files_lead_somewhere(page):
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text())
+    made = ROOT / "docs" / "gallery"  # by Sphinx, of examples/gallery
+    for link in links:
+        target = (page.parent / link).resolve()
+        if made in target.parents:
+            target = ROOT / "examples" / "gallery" / (target.stem + ".py")
+        assert "://" in link or target.exists(), link
+
+
+def test_the_citation_is_of_this_version():
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {skmotionseg.__version__}\n" in citation

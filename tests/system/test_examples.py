@@ -1,0 +1,192 @@
+"""The examples run as a user runs them, warnings being errors."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.moseg_files import write_definition, write_tracks
+
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg.datasets import load_tracks, make_rigid_motions
+from skmotionseg.metrics import misclassification_error
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+
+
+def run(path, *arguments):
+    command = [sys.executable, "-W", "error", str(path), *arguments]
+    result = subprocess.run(
+        command,
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "MPLBACKEND": "Agg"},
+    )
+    assert result.returncode == 0, result.stderr
+    assert result.stderr == ""
+    return result.stdout
+
+
+def table_after(title, printed):
+    """The first table of that title: its header, and its cells by the value swept."""
+    _, *lines = printed[printed.index(title) :].splitlines()
+    header, *rows = lines[: lines.index("")] if "" in lines else lines
+    cells = [re.split(r"\s{2,}", row.strip()) for row in rows]
+    return header.split(), {row[0]: row[1:] for row in cells if len(row) == 4}
+
+
+def example(name):
+    (path,) = (path for path in EXAMPLES if path.stem == name)
+    return path
+
+
+@pytest.fixture(scope="module")
+def sweep():
+    return run(example("sweep"), "--quick")
+
+
+@pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
+def test_sweep_prints_each_parameter_by_model_subset(sweep, title):
+    header, rows = table_after(title, sweep)
+    assert header == ["A+H", "H+F", "A+H+F"]
+    assert len(rows) == 2
+    assert all(cell.endswith("%") for row in rows.values() for cell in row)
+
+
+@pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
+def test_both_ways_to_sweep_give_the_same_numbers(sweep, title):
+    _, by_pipeline, by_segmenter = re.split(r"^[12]\. .*$", sweep, flags=re.M)
+    assert table_after(title, by_pipeline) == table_after(title, by_segmenter)
+
+
+def test_sweep_finds_one_setting_for_many_sequences(sweep):
+    many = sweep[sweep.index("3. One setting for many sequences") :]
+    best = re.search(r"best: (\S+), delta (\S+), lambda \S+: error (\S+%)", many)
+    subset, delta, error = best.groups()
+    header, rows = table_after("delta, ", many)
+    assert rows[delta][header.index(subset)] == error
+    assert float(error[:-1]) == min(
+        float(cell[:-1]) for row in rows.values() for cell in row
+    )
+    assert "." * 12 in many  # one a fold and setting
+    assert re.search(r"^on the others: error \S+%$", many, flags=re.M)
+
+
+# ---------------------------------------------------------------- tuning and figures
+
+
+def read_settings(folder):
+    with (folder / "settings.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tuning_chooses_on_some_sequences_and_judges_on_others(tmp_path):
+    printed = run(example("tune"), "--quick", "--out", str(tmp_path))
+    assert "4 sequences to choose on, 2 to judge on" in printed
+    rows = read_settings(tmp_path)
+    errors = [float(row["error (%)"]) for row in rows]
+    assert len(rows) == 4
+    assert errors == sorted(errors)
+    best = re.search(r"best: delta (\S+), lam (\S+), models (\S+); error", printed)
+    assert best.groups() == tuple(rows[0][name] for name in ("delta", "lam", "models"))
+    assert re.search(r"on the test sequences: error \S+%", printed)
+    assert (tmp_path / "errors.png").stat().st_size > 5000
+
+
+def test_tuning_scores_regions_by_the_f_measure(tmp_path):
+    """Masks that are the synthetic truth around each point of the first frame."""
+    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
+        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
+        home = tmp_path / "FBMS59" / part / f"scene{seed}"
+        image = np.full((720, 1280), 255, dtype=np.uint8)
+        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
+            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
+        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
+        write_tracks(home / "Tracks6.dat", X, y)
+    out = tmp_path / "out"
+    printed = run(
+        example("tune"), "--quick", "--data", str(tmp_path), "--out", str(out)
+    )
+    assert "2 sequences to choose on, 1 to judge on" in printed
+    # Two rigid motions without noise of the tracker: nearly nothing is missed.
+    assert float(read_settings(out)[0]["error (%)"]) < 10
+
+
+def test_figures_are_drawn(tmp_path):
+    printed = run(example("figures"), "--quick", "--out", str(tmp_path))
+    names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed, flags=re.M)
+    assert names == [
+        "method-motions",
+        "method-costs",
+        "motions",
+        "costs-description-length",
+        "affinities",
+        "costs-ncre",
+        "affinities-homography",
+        "weights-coreg",
+        "weights-subset",
+        "errors",
+    ]
+    assert all((tmp_path / f"{n}.png").stat().st_size > 5000 for n in names)
+
+
+def test_single_figures_are_drawn(tmp_path):
+    only = ["--only", "method-costs", "--out", str(tmp_path)]
+    printed = run(example("figures"), "--quick", *only)
+    assert re.findall(r"([\w-]+)\.png$", printed, flags=re.M) == ["method-costs"]
+    assert [path.name for path in tmp_path.iterdir()] == ["method-costs.png"]
+
+
+# --------------------------------------------------------------------- point trackers
+
+
+@pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
+def test_files_of_trackers_are_segmented(tracker):
+    printed = run(example(tracker))
+    assert "200 tracks in 12 frames" in printed
+    sizes = [int(n) for n in re.findall(r"^motion \d: (\d+) tracks$", printed, re.M)]
+    assert len(sizes) == 3
+    assert sum(sizes) == 200
+    assert sizes == sorted(sizes, reverse=True)
+
+
+def test_the_tracks_of_cotracker_come_back_by_motion(tmp_path):
+    printed = run(example("cotracker"), "--out", str(tmp_path / "motions"))
+    written = re.findall(r"^wrote (.*)$", printed, flags=re.M)
+    assert [Path(path).name for path in written] == [
+        f"motion_{m}.npz" for m in range(3)
+    ]
+    sizes = [len(load_tracks(path).data) for path in written]
+    assert sizes == [int(n) for n in re.findall(r"motion \d: (\d+)", printed)]
+
+
+def test_a_file_of_ones_own(tmp_path):
+    """Of CoTracker's names, written by someone else."""
+    X, _ = make_rigid_motions(90, 7, 2, missing=0, random_state=1)
+    points, visibility = unpack_tracks(X)
+    path = tmp_path / "mine.npz"
+    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
+    assert "90 tracks in 7 frames" in run(example("cotracker"), str(path))
+
+
+@pytest.mark.xdist_group("dask")
+def test_many_sequences_are_segmented_on_a_cluster():
+    pytest.importorskip("distributed", reason="dask's distributed is not installed")
+    printed = run(example("many_sequences_dask"), "--scenes", "3")
+    assert "2 workers, 2 sequences at a time" in printed
+    assert re.search(r"Done +3 out of +3", printed)
+    _, header, *rows = printed[printed.index("\n\n") :].split("\n")[1:6]
+    assert header.split() == ["tracks", "motions", "found", "error"]
+    for seed, row in enumerate(rows):
+        X, y = make_rigid_motions(150, 10, 2 + seed % 3, random_state=seed)
+        labels = MotionSegmenter(random_state=0).fit_predict(X)
+        error = f"{misclassification_error(y, labels):.1%}"
+        counts = [str(len(X)), str(y.max() + 1), str(labels.max() + 1)]
+        assert row.split() == ["scene", str(seed), *counts, error]
