@@ -8,6 +8,7 @@ import re
 import struct
 import warnings
 from collections.abc import Callable, Iterable
+from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -20,6 +21,8 @@ from .._utils.optional import require
 Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]
 Progress: TypeAlias = Callable[[int, int | None], object]
 
+# Optical flow needs pictures of this many pixels per side.
+SMALLEST_SIDE = 16
 VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
 # Of a frame: twice those of 8K. A few bytes may claim more, and OpenCV believe them.
@@ -113,6 +116,16 @@ def open_frames(source):
         ) from None
     n_announced = len(source) if hasattr(source, "__len__") else None
     return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
+
+
+def first_frames(frames, n_frames, report):
+    """Exactly so many frames, or an error."""
+    done = 0
+    for done, frame in enumerate(islice(frames, n_frames), start=1):
+        yield frame
+        report(done)
+    if done < n_frames:
+        raise ValueError(f"the tracks have {n_frames} frames, but {frames.name} {done}")
 
 
 def _as_picture(frame, name):

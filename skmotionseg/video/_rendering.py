@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from itertools import islice
 from numbers import Integral
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from .._utils.optional import require
 from .._utils.validation import check_label_each
 from .._utils.writing import check_output, replacing_path
 from ._checks import check_fps, check_number, make_reporter
-from ._frames import Progress, Source, open_frames
+from ._frames import Progress, Source, first_frames, open_frames
 
 # Frames per second of a rendered clip whose source does not say.
 DEFAULT_FPS = 25.0
@@ -104,23 +103,13 @@ def render_segmentation(
     fps = fps or frames.fps or DEFAULT_FPS
     n_frames = points.shape[1]
     report = make_reporter(progress, n_frames)
-    frames = _first_frames(frames, n_frames, report)
+    frames = first_frames(frames, n_frames, report)
     pen = _Pen(points, visibility, labels, trail)
     with replacing_path(out) as part:
         if out.suffix.lower() == ".png":
             _write_sheet(_draw_tiles(frames, pen, n_frames), part)
         else:
             _write_video(map(pen.draw, frames, range(n_frames)), part, fps)
-
-
-def _first_frames(frames, n_frames, report):
-    """Exactly so many frames, or an error."""
-    done = 0
-    for done, frame in enumerate(islice(frames, n_frames), start=1):
-        yield frame
-        report(done)
-    if done < n_frames:
-        raise ValueError(f"the tracks have {n_frames} frames, but {frames.name} {done}")
 
 
 class _Pen:

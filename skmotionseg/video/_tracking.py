@@ -11,7 +11,7 @@ import numpy as np
 from .._core.geometry.tracks import pack_tracks
 from .._utils.optional import require
 from ._checks import check_number, make_reporter
-from ._frames import Progress, Source, open_frames
+from ._frames import SMALLEST_SIDE, Progress, Source, open_frames
 from ._grid import TrackLog, field_gradient, is_inside, sample_field, seed_points
 
 # Side, in pixels, of the window in which texture is measured and flow is refined.
@@ -20,8 +20,6 @@ WINDOW = 11
 # of the covered one would go on with the other. Sundaram et al. let the limit grow with
 # the flow, which lets such tracks through in quick scenes.
 MAX_FLOW_GRADIENT = 0.22
-# Optical flow needs pictures of this many pixels per side.
-SMALLEST_SIDE = 16
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,7 +105,12 @@ def test_the_contract():
         "select_inliers",
         "select_long_tracks",
     }
-    assert set(video.__all__) == {"VideoTracks", "render_segmentation", "track_video"}
+    assert set(video.__all__) == {
+        "VideoTracks",
+        "dense_masks",
+        "render_segmentation",
+        "track_video",
+    }
 
 
 def test_the_version_is_a_version():

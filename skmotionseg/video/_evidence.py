@@ -1,0 +1,299 @@
+"""What speaks for which motion at a pixel: tracks, optical flow and colour."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._utils.optional import require
+
+# Side, in pixels of the working size, of the cells in which tracks are averaged.
+CELL = 8
+# Standard deviation, pixels, of optical flow about the motion it belongs to; the share
+# of its length that is added; and what each pixel to the nearest track adds.
+FLOW_NOISE, FLOW_SHARE, FIELD_DRIFT = 0.3, 0.05, 0.02
+# Gradient, grey levels per pixel, at which optical flow is half believed.
+FLOW_TEXTURE = 2.0
+# Pixels over which a track loses its say on the pixels around it, by a factor e.
+REACH = 6.0
+# Side of the cells of a colour grid: pixels, and levels of the CIELAB channels.
+COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
+# The most, in nats, that one kind of evidence may speak against a motion.
+MOST_FLOW, MOST_NEARNESS, MOST_COLOUR = 4.0, 4.0, 3.0
+
+
+def warp(values, flow):
+    """Values (height, width) or (height, width, n) of where the flow leads."""
+    cv2 = require("cv2", extra="video")
+    y, x = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
+    return cv2.remap(
+        values,
+        x + flow[..., 0],
+        y + flow[..., 1],
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+
+
+def flow_agreement(flow, back):
+    """How far flow there and back again can be believed, pixel by pixel: 0 to 1."""
+    miss = np.square(flow + warp(back, flow)).sum(axis=2)
+    allowed = 0.5 + 0.05 * np.hypot(flow[..., 0], flow[..., 1])
+    return np.exp(-miss / (2 * allowed**2))
+
+
+def texture_trust(grey):
+    """How far the texture of a picture lets flow be believed: 0 to 1."""
+    cv2 = require("cv2", extra="video")
+    grey = grey.astype(np.float32)
+    x, y = (cv2.Sobel(grey, -1, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1)))
+    energy = cv2.boxFilter(x * x + y * y, -1, (7, 7))
+    return energy / (energy + FLOW_TEXTURE**2)
+
+
+# ------------------------------------------------------------------------------- flow
+
+
+def flow_evidence(flow, trust, points, steps, labels, n_labels):
+    """Log-likelihood of the flow at each pixel under each motion, relative to the best.
+
+    A motion's field is an affine one, fitted robustly to its tracks, and what it leaves
+    of them, averaged in cells and filled in between. The flow is normal about the
+    field of the motion it belongs to, more widely where no track of it is near.
+
+    Parameters
+    ----------
+    flow : ndarray of float32, shape (height, width, 2)
+    trust : ndarray of float32, shape (height, width)
+        How far to believe it: 0 to 1.
+    points, steps : ndarray of shape (n, 2)
+        Tracks, and how far they move between the frames of the flow; pixels.
+    labels : ndarray of int, shape (n,)
+        Their motions, 0 to ``n_labels - 1``.
+    n_labels : int
+
+    Returns
+    -------
+    ndarray of float32, shape (n_labels, height, width)
+        From ``-MOST_FLOW`` to 0.
+    """
+    middle = np.median(flow, axis=(0, 1))
+    noise = FLOW_NOISE + FLOW_SHARE * np.hypot(*np.moveaxis(flow - middle, 2, 0))
+    logs = np.full((n_labels, *flow.shape[:2]), -50, dtype=np.float32)
+    for label in range(n_labels):
+        rows = labels == label
+        if rows.sum() >= 3:
+            field, distance = motion_field(points[rows], steps[rows], flow.shape[:2])
+            variance = noise**2 + (FIELD_DRIFT * distance) ** 2
+            misses = np.square(flow - field).sum(axis=2)
+            logs[label] = -misses / (2 * variance) - np.log(variance) / 2
+    return np.maximum(logs - logs.max(axis=0), -MOST_FLOW) * trust
+
+
+def motion_field(points, steps, shape):
+    """Displacements of a motion over the picture, from those of its tracks.
+
+    Parameters
+    ----------
+    points, steps : ndarray of shape (n, 2)
+    shape : tuple of int
+        (height, width)
+
+    Returns
+    -------
+    field : ndarray of float32, shape (height, width, 2)
+    distance : ndarray of float32, shape (height, width)
+        Pixels to the nearest track, to within a cell.
+    """
+    cv2 = require("cv2", extra="video")
+    n_rows, n_columns = -(-shape[0] // CELL), -(-shape[1] // CELL)
+    affine = fit_affine(points, steps)
+    left = steps - _affine_at(points, affine)
+    column, row = (points // CELL).astype(int).T
+    row, column = row.clip(0, n_rows - 1), column.clip(0, n_columns - 1)
+    sums = np.zeros((n_rows, n_columns, 3), dtype=np.float32)
+    np.add.at(sums, (row, column), np.column_stack([left, np.ones(len(left))]))
+    count = sums[..., 2]
+    means = sums[..., :2] / np.maximum(count, 1)[..., None]
+    y, x = np.mgrid[:n_rows, :n_columns] * CELL + (CELL - 1) / 2
+    smooth = _affine_at(np.stack([x, y], axis=2), affine)
+    field = fill(means, 0.7 * np.minimum(count, 1)) + smooth.astype(np.float32)
+    distance = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3) * CELL
+    size = (n_columns * CELL, n_rows * CELL)
+    field, distance = (cv2.resize(each, size) for each in (field, distance))
+    return field[: shape[0], : shape[1]], distance[: shape[0], : shape[1]]
+
+
+def fit_affine(points, steps, n_rounds=5):
+    """Affine displacements (3, 2) of tracks, weighing them down by what they miss."""
+    if len(points) < 6:
+        return np.vstack([np.zeros((2, 2)), np.median(steps, axis=0)])
+    design = np.column_stack([points, np.ones(len(points))])
+    root = np.ones((len(points), 1))
+    for _ in range(n_rounds):
+        affine = np.linalg.lstsq(design * root, steps * root, rcond=1e-6)[0]
+        miss = np.hypot(*(steps - design @ affine).T)
+        scale = 2 * (1.48 * np.median(miss) + 0.05)
+        root = np.sqrt(1 / (1 + np.square(miss / scale)))[:, None]
+    return affine
+
+
+def _affine_at(points, affine):
+    return points @ affine[:2] + affine[2]
+
+
+def fill(values, weight, n_levels=6):
+    """Fill the gaps of a field from coarser and coarser averages of it.
+
+    Parameters
+    ----------
+    values : ndarray of float32, shape (height, width, n)
+    weight : ndarray of float32, shape (height, width)
+        0 in gaps, up to 1 where the values are to be kept.
+
+    Returns
+    -------
+    ndarray of float32, shape (height, width, n)
+    """
+    cv2 = require("cv2", extra="video")
+    levels = [np.dstack([values * weight[..., None], weight]).astype(np.float32)]
+    while len(levels) <= n_levels and min(levels[-1].shape[:2]) > 1:
+        levels.append(4 * cv2.pyrDown(levels[-1]))
+    total = levels[-1].sum(axis=(0, 1))
+    filled = np.broadcast_to(
+        total[:-1] / max(total[-1], 1e-6), (*levels[-1].shape[:2], values.shape[2])
+    ).astype(np.float32)
+    for level in levels[::-1]:
+        size = level.shape[1::-1]
+        filled = cv2.resize(np.ascontiguousarray(filled), size)
+        kept = np.minimum(level[..., -1:], 1)
+        mean = level[..., :-1] / np.maximum(level[..., -1:], 1e-6)
+        filled = kept * mean + (1 - kept) * filled
+    return filled
+
+
+# ----------------------------------------------------------------------------- tracks
+
+
+def track_counts(points, labels, n_labels, shape):
+    """Tracks of each motion at each pixel: (n_labels, height, width), float32."""
+    column, row = np.rint(points).astype(int).T
+    counts = np.zeros((n_labels, *shape), dtype=np.float32)
+    row, column = row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)
+    np.add.at(counts, (labels, row, column), 1)
+    return counts
+
+
+def nearness_evidence(counts):
+    """Log-odds of each motion by the distance to its nearest track, to the best's.
+
+    Parameters
+    ----------
+    counts : ndarray of float32, shape (n_labels, height, width)
+        As of :func:`track_counts`.
+
+    Returns
+    -------
+    ndarray of float32, shape (n_labels, height, width)
+        From ``-MOST_NEARNESS`` to 0.
+    """
+    cv2 = require("cv2", extra="video")
+    far = float(sum(counts.shape[1:]))
+    logs = np.full_like(counts, -far / REACH)
+    for label, count in enumerate(counts):
+        if count.any():
+            logs[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
+            logs[label] /= -REACH
+    return np.maximum(logs - logs.max(axis=0), -MOST_NEARNESS)
+
+
+# ----------------------------------------------------------------------------- colour
+
+
+class ColourGrid:
+    """Colours of each motion, each place of the picture by itself.
+
+    A histogram over place and colour, five-dimensional and coarse, smoothed along each
+    axis: the bilateral grid.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        (height, width) of the picture.
+
+    References
+    ----------
+    N. Maerki et al., "Bilateral Space Video Segmentation", CVPR 2016.
+    """
+
+    def __init__(self, shape):
+        self._y, self._x = np.mgrid[: shape[0], : shape[1]].astype(np.float32)
+        colours = (
+            256 // COLOUR_STEPS[0] + 1,
+            *(128 // s + 1 for s in COLOUR_STEPS[1:]),
+        )
+        self._shape = (
+            shape[0] // COLOUR_CELL + 2,
+            shape[1] // COLOUR_CELL + 2,
+            *colours,
+        )
+
+    def colours(self, picture):
+        """Cells of the colours of a picture: three arrays (height, width)."""
+        cv2 = require("cv2", extra="video")
+        lab = cv2.cvtColor(picture, cv2.COLOR_BGR2Lab).astype(np.int32)
+        light, red, blue = np.moveaxis(lab, 2, 0)
+        return (
+            light // COLOUR_STEPS[0],
+            (red - 64).clip(0, 127) // COLOUR_STEPS[1],
+            (blue - 64).clip(0, 127) // COLOUR_STEPS[2],
+        )
+
+    def cells(self, colours, flow=None):
+        """Cell of each pixel (height, width), as one number, moved by the flow."""
+        y, x = self._y, self._x
+        if flow is not None:
+            x, y = x + flow[..., 0], y + flow[..., 1]
+        places = (
+            np.rint(at / COLOUR_CELL).astype(np.int32).clip(0, n - 1)
+            for at, n in zip((y, x), self._shape[:2], strict=True)
+        )
+        return np.ravel_multi_index((*places, *colours), self._shape)
+
+    def evidence(self, seen, probabilities, cells):
+        """Log-odds of each motion by the colours around, relative to the best.
+
+        Parameters
+        ----------
+        seen : ndarray of int, shape (height, width)
+            Cells of pixels whose motions are known ...
+        probabilities : ndarray of float32, shape (n_labels, height, width)
+            ... by these probabilities.
+        cells : ndarray of int, shape (height, width)
+            Those of the pixels that are asked for.
+
+        Returns
+        -------
+        ndarray of float32, shape (n_labels, height, width)
+            From ``-MOST_COLOUR`` to 0.
+        """
+        n_cells = int(np.prod(self._shape))
+        counts = np.stack(
+            [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in probabilities]
+        ).astype(np.float32)
+        counts = _smoothed(counts.reshape(-1, *self._shape))
+        found = counts.reshape(len(probabilities), -1)[:, cells]
+        total = found.sum(axis=0)
+        logs = np.log(found / (total + 1e-6) + 0.02)
+        logs = np.maximum(logs - logs.max(axis=0), -MOST_COLOUR)
+        return logs * np.minimum(total / 5, 1)
+
+
+def _smoothed(counts):
+    """Counts (n, ...) averaged with their neighbours along all axes but the first."""
+    for axis in range(1, counts.ndim):
+        ahead = (slice(None),) * axis
+        result = counts / 2
+        result[(*ahead, slice(1, None))] += counts[(*ahead, slice(None, -1))] / 4
+        result[(*ahead, slice(None, -1))] += counts[(*ahead, slice(1, None))] / 4
+        counts = result
+    return counts

@@ -1,0 +1,276 @@
+"""From labels of tracks to a label for every pixel of every frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from numbers import Integral
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core.geometry.tracks import unpack_tracks
+from .._utils.optional import require
+from .._utils.validation import check_label_each
+from ._checks import check_number, make_reporter
+from ._evidence import (
+    ColourGrid,
+    flow_agreement,
+    flow_evidence,
+    nearness_evidence,
+    texture_trust,
+    track_counts,
+    warp,
+)
+from ._frames import SMALLEST_SIDE, Progress, Source, first_frames, open_frames
+from ._random_walk import edge_weights, random_walk
+
+# How strongly neighbours of one colour are tied, and the share that an edge leaves.
+TIES, TIES_ACROSS_EDGES = 10.0, 0.02
+# How strongly pixels are drawn to what the evidence says of them, and to their tracks.
+EVIDENCE, TRACK_EVIDENCE = 0.3, 8.0
+# Weight of the log-odds by colours, which repeat what flow and tracks have said.
+COLOUR_WEIGHT = 0.35
+# The most, in nats, that the last frame may speak against a motion.
+MOST_PAST = 3.0
+MOST_LABELS = 255
+
+
+def dense_masks(
+    source: Source,
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    *,
+    max_side: int = 480,
+    progress: Progress | None = None,
+) -> Iterator[npt.NDArray[np.uint8]]:
+    """Give every pixel of every frame the label of a motion.
+
+    A pixel belongs to a motion if its optical flow, to the frames before and after, is
+    that of the motion's tracks around it; if tracks of the motion are near; if its
+    colour is one that the motion has there; and if it did in the frame before. A random
+    walker weighs these, and lets masks end where the picture has edges.
+
+    Frames are read one at a time and no more than three are held.
+
+    Parameters
+    ----------
+    source : path or iterable of arrays
+        The video of the tracks, as for :func:`track_video`.
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels of the video; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Motion of each track, 0 to 254; negative for none, which is ignored.
+    max_side : int, default=480
+        Frames of a longer side are shrunk to it; edges are placed in the whole frame.
+    progress : callable, optional
+        Called after each frame with the number done and the number there will be.
+
+    Yields
+    ------
+    ndarray of uint8, shape (height, width)
+        A label of ``labels`` for each pixel of a frame, for ``n_frames`` frames.
+
+    Raises
+    ------
+    FileNotFoundError, TypeError, ValueError
+        If the source is not as described or has fewer frames than the tracks, no
+        track has a label, or there is not one label per track.
+    ImportError
+        If opencv-python-headless is missing.
+
+    References
+    ----------
+    L. Grady, "Multilabel Random Walker Image Segmentation Using Prior Models", CVPR
+    2005.
+
+    Examples
+    --------
+    A square that moves to the right, tracked:
+
+    >>> import numpy as np
+    >>> from scipy.ndimage import gaussian_filter
+    >>> from skmotionseg.video import dense_masks, track_video
+    >>> noise = gaussian_filter(np.random.default_rng(0).normal(size=(96, 96)), 1.5)
+    >>> frames = np.repeat([128 + 250 * noise], 6, axis=0).clip(0, 255).astype(np.uint8)
+    >>> for f in range(6):
+    ...     frames[f, 30:60, 20 + 4 * f : 50 + 4 * f] = frames[0, 60:90, 10:40]
+    >>> X = track_video(frames).tracks
+    >>> labels = (X[:, -2] - X[:, 0] > 10).astype(int)
+    >>> mask = list(dense_masks(frames, X, labels))[3]
+    >>> bool(mask[36:54, 38:56].all()), bool(mask[:, 75:].any())
+    (True, False)
+    """
+    points, visibility = unpack_tracks(X)
+    labels = check_label_each(labels, len(points))
+    check_number("max_side", max_side, Integral, SMALLEST_SIDE)
+    if not (labels >= 0).any():
+        raise ValueError("masks need one labelled track or more; all labels are -1")
+    if labels.max() >= MOST_LABELS:
+        raise ValueError(f"labels must be below {MOST_LABELS}; got {labels.max()}")
+    frames = open_frames(source)
+    n_frames = points.shape[1]
+    report = make_reporter(progress, n_frames)
+    names, kept = np.unique(labels[labels >= 0]), labels >= 0
+    painter = _Painter(
+        points[kept], visibility[kept], np.searchsorted(names, labels[kept]), max_side
+    )
+    return _paint(painter, first_frames(frames, n_frames, report), names)
+
+
+def _paint(painter, frames, names):
+    """Masks of frames, each once the one after it has been read."""
+    current, number = next(frames), 0
+    view = painter.look(current)
+    while current is not None:
+        following = next(frames, None)
+        next_view = None if following is None else painter.look(following)
+        walk = painter.paint(view, next_view, number)
+        yield names[_enlarged(walk, current)].astype(np.uint8)
+        current, view, number = following, next_view, number + 1
+
+
+class _View:
+    """A frame at the working size, and its flow to and from the one after it."""
+
+    def __init__(self, picture, grey):
+        self.picture, self.grey = picture, grey
+        self.ahead = self.back = None
+
+
+class _Painter:
+    """Probabilities of motions at the pixels of one frame after another.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    labels : ndarray of int, shape (n_tracks,)
+        From 0, none missing.
+    max_side : int
+    """
+
+    def __init__(self, points, visibility, labels, max_side):
+        cv2 = require("cv2", extra="video")
+        self._points, self._visibility, self._labels = points, visibility, labels
+        self._n_labels = int(labels.max()) + 1
+        self._max_side = max_side
+        self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
+        self._last = self._last_walk = self._grid = None
+
+    def look(self, frame):
+        """A frame at the working size."""
+        cv2 = require("cv2", extra="video")
+        height, width = frame.shape[:2]
+        if min(height, width) < SMALLEST_SIDE:
+            raise ValueError(
+                f"frames need {SMALLEST_SIDE} pixels per side or more for masks; got "
+                f"{width} x {height}"
+            )
+        scale = min(1.0, self._max_side / max(height, width))
+        if scale < 1:
+            size = [max(SMALLEST_SIDE, round(side * scale)) for side in (width, height)]
+            frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+        self._scale = np.divide(frame.shape[1::-1], (width, height))
+        return _View(frame, cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
+
+    def paint(self, view, following, number):
+        """Probabilities (n_labels, height, width) in the frame of that number."""
+        if following is not None:
+            view.ahead = self._flow.calc(view.grey, following.grey, None)
+            view.back = self._flow.calc(following.grey, view.grey, None)
+        if self._grid is None:
+            self._grid = ColourGrid(view.grey.shape)
+        seen = np.flatnonzero(self._visibility[:, number])
+        counts = track_counts(
+            self._place(seen, number),
+            self._labels[seen],
+            self._n_labels,
+            view.grey.shape,
+        )
+        logs = self._flow_evidence(view, number) + nearness_evidence(counts)
+        walk = self._decide(view, logs, counts)
+        self._last, self._last_walk = view, walk
+        return walk
+
+    def _place(self, rows, number):
+        """Points at the working size, pixels having their centres at whole numbers."""
+        return (self._points[rows, number] + 0.5) * self._scale - 0.5
+
+    def _flow_evidence(self, view, number):
+        """Mean over the flows to the frames after and before."""
+        pairs = []
+        if view.ahead is not None:
+            pairs.append((view.ahead, view.back, number + 1))
+        if self._last is not None:
+            pairs.append((self._last.back, self._last.ahead, number - 1))
+        logs = np.zeros((self._n_labels, *view.grey.shape), dtype=np.float32)
+        trust = texture_trust(view.grey)
+        for flow, back, other in pairs:
+            rows = np.flatnonzero(
+                self._visibility[:, number] & self._visibility[:, other]
+            )
+            points = self._place(rows, number)
+            logs += flow_evidence(
+                flow,
+                trust * flow_agreement(flow, back),
+                points,
+                self._place(rows, other) - points,
+                self._labels[rows],
+                self._n_labels,
+            ) / len(pairs)
+        return logs
+
+    def _decide(self, view, logs, counts):
+        ties = edge_weights(view.picture, TIES, TIES_ACROSS_EDGES)
+        seeds = TRACK_EVIDENCE * np.minimum(counts, 2)
+        view.colours = self._grid.colours(view.picture)
+        cells = self._grid.cells(view.colours)
+        if self._last is None:  # colours are learnt from a first walk without them
+            walk = random_walk(_drawn(logs) + seeds, *ties, np.full_like(logs, 0.5))
+            for _ in range(2):
+                colour = COLOUR_WEIGHT * self._grid.evidence(cells, walk, cells)
+                walk = random_walk(_drawn(logs + colour) + seeds, *ties, walk)
+            return walk
+        last, flow = self._last, self._last.back
+        past = np.stack([warp(part, flow) for part in self._last_walk])
+        odds = np.log(past + 0.03)
+        trust = flow_agreement(flow, last.ahead)
+        logs = logs + trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
+        moved = self._grid.cells(last.colours, last.ahead)
+        logs += COLOUR_WEIGHT * self._grid.evidence(moved, self._last_walk, cells)
+        return random_walk(_drawn(logs) + seeds, *ties, past)
+
+
+def _drawn(logs):
+    """How strongly pixels are drawn to each label by log-odds."""
+    shares = np.exp(logs - logs.max(axis=0))
+    return EVIDENCE * shares / shares.sum(axis=0)
+
+
+def _enlarged(walk, frame):
+    """Most probable label (height, width) of each pixel of the whole frame.
+
+    Where the frame was shrunk, probabilities follow its grey values in small windows:
+    guided filtering (He, Sun and Tang, ECCV 2010).
+    """
+    cv2 = require("cv2", extra="video")
+    height, width = frame.shape[:2]
+    if walk.shape[1:] == (height, width):
+        return walk.argmax(axis=0)
+    side = 2 * round(2 * width / walk.shape[2]) + 1
+    grey = cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY).astype(np.float32) / 255
+
+    def mean(values):
+        return cv2.boxFilter(values, -1, (side, side))
+
+    grey_mean = mean(grey)
+    spread = mean(grey * grey) - grey_mean**2 + 1e-3
+    best, best_value = np.zeros((height, width), int), np.full((height, width), -np.inf)
+    for label, part in enumerate(walk):
+        part = cv2.resize(part, (width, height))
+        part_mean = mean(part)
+        slope = (mean(grey * part) - grey_mean * part_mean) / spread
+        value = mean(slope) * grey + mean(part_mean - slope * grey_mean)
+        best[value > best_value] = label
+        best_value = np.maximum(best_value, value)
+    return best
