@@ -14,7 +14,7 @@ from .._segmenter.report import pixels
 from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .._utils.writing import check_folder_of, check_output, replacing
-from ..video._frames import is_video
+from ..video._frames import is_video, open_frames
 from .console import (
     PICTURES,
     count,
@@ -25,6 +25,7 @@ from .console import (
     stage_facts,
     track_facts,
 )
+from .mask_files import add_mask_options, check_mask_options, write_masks
 
 LABEL_ENDINGS = (".npz", ".csv")
 
@@ -67,8 +68,12 @@ def add_segment(commands):
     )
     videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
     videos.add_argument(
+        "--stride", type=count, default=1, help="take every so many frames (1)"
+    )
+    videos.add_argument(
         "--max-side", type=count, help="shrink larger frames to be tracked (never)"
     )
+    add_mask_options(videos)
     segment.set_defaults(run=_segment)
 
 
@@ -85,6 +90,7 @@ def _segment(arguments):
     check_folder_of(arguments.split_dir)
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
     check_output(arguments.report, PICTURES)
+    check_mask_options(arguments, video)
     console = require("rich.console", extra="cli").Console()
     read = _track_video if video else _load_tracks
     sequence = read(arguments, console)
@@ -93,9 +99,10 @@ def _segment(arguments):
             arguments.motions, n_jobs=arguments.jobs, random_state=arguments.seed
         ).fit(sequence.data)
     labels = segmenter.labels_
-    if arguments.render is not None:
-        draw = _render_video if video else _draw_tracks
-        draw(arguments, sequence, labels, console)
+    if video:
+        _write_pictures(arguments, sequence, labels, console)
+    elif arguments.render is not None:
+        _draw_tracks(arguments, sequence, labels)
     if arguments.report is not None:
         _draw_report(arguments, sequence, segmenter)
     if arguments.out is not None:
@@ -126,9 +133,10 @@ def _track_video(arguments, console):
     from ..video import track_video
 
     started = time.perf_counter()
+    frames = open_frames(arguments.file).every(arguments.stride)
     with reporting("tracking", console) as progress:
         video = track_video(
-            arguments.file,
+            frames,
             grid_spacing=arguments.grid,
             max_frames=arguments.max_frames,
             max_side=arguments.max_side,
@@ -148,6 +156,7 @@ def _track_video(arguments, console):
         target=None,
         name=arguments.file.stem,
         track_ids=np.arange(kept.sum()),
+        frames=frames,
         video={
             "width": video.width,
             "height": video.height,
@@ -187,6 +196,9 @@ def _print_findings(console, arguments, sequence, segmenter):
     files = {
         "labels": arguments.out,
         "picture": arguments.render,
+        "masks": arguments.masks,
+        "static masks": arguments.static_masks,
+        "prompts": arguments.prompts,
         "report": arguments.report,
     }
     for name, path in files.items():
@@ -268,7 +280,7 @@ def _observations(sequence, labels):
     return np.column_stack([names, frame, points[track, frame], labels[track]])
 
 
-def _draw_tracks(arguments, sequence, labels, console):
+def _draw_tracks(arguments, sequence, labels):
     from ..plotting import plot_motions
 
     plt = pyplot()
@@ -285,12 +297,23 @@ def _draw_report(arguments, sequence, segmenter):
     save_figure(display.figure_, arguments.report)
 
 
-def _render_video(arguments, sequence, labels, console):
-    from ..video import render_segmentation
+def _write_pictures(arguments, sequence, labels, console):
+    """Masks, prompts and the rendering of a video, as far as they are asked for."""
+    from ..video import find_objects, render_segmentation
 
+    size = {side: sequence.video[side] for side in ("width", "height")}
+    objects = find_objects(sequence.data, labels, **size)
+    masks = write_masks(arguments, sequence.frames, sequence, objects, console)
+    if arguments.render is None:
+        return
     started = time.perf_counter()
     with reporting("rendering", console) as progress:
         render_segmentation(
-            arguments.file, sequence.data, labels, arguments.render, progress=progress
+            sequence.frames,
+            sequence.data,
+            labels,
+            arguments.render,
+            masks=masks,
+            progress=progress,
         )
     sequence.seconds["rendering"] = time.perf_counter() - started

@@ -4,7 +4,16 @@ Needs OpenCV: ``pip install "skmotionseg[video]"``.
 """
 
 from ._masks import dense_masks
+from ._objects import find_objects
+from ._prompts import prompt_points
 from ._rendering import render_segmentation
 from ._tracking import VideoTracks, track_video
 
-__all__ = ["VideoTracks", "dense_masks", "render_segmentation", "track_video"]
+__all__ = [
+    "VideoTracks",
+    "dense_masks",
+    "find_objects",
+    "prompt_points",
+    "render_segmentation",
+    "track_video",
+]

@@ -8,6 +8,7 @@ import re
 import struct
 import warnings
 from collections.abc import Callable, Iterable
+from copy import copy
 from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
@@ -46,11 +47,27 @@ class Frames:
         Frames there should be, where the source says.
     """
 
-    def __init__(self, name, make_iterator, *, fps=None, n_announced=None):
+    def __init__(self, name, make_iterator, *, fps=None, n_announced=None, names=None):
         self.name = name
         self.fps = fps
         self.n_announced = n_announced
         self._make_iterator = make_iterator
+        self._names = names
+        self._stride = 1
+
+    def every(self, stride):
+        """Every so many of the frames, from the first on."""
+        fewer = copy(self)
+        fewer._stride = self._stride * stride
+        fewer.fps = None if self.fps is None else self.fps / stride
+        if self.n_announced is not None:
+            fewer.n_announced = -(-self.n_announced // stride)
+        return fewer
+
+    def name_of(self, number):
+        """File name of a frame; of a video, its number in it, from 0."""
+        number *= self._stride
+        return f"{number:05d}.png" if self._names is None else self._names[number]
 
     def __iter__(self):
         """Frames (height, width, 3), uint8, blue first; all of one size.
@@ -67,7 +84,8 @@ class Frames:
             If a video ends before it should: how many frames were read of how many.
         """
         shape = None
-        for number, frame in enumerate(self._make_iterator()):
+        frames = islice(self._make_iterator(), None, None, self._stride)
+        for number, frame in enumerate(frames):
             frame = _as_picture(frame, f"frame {number} of {self.name}")
             if shape is not None and frame.shape != shape:
                 raise ValueError(
@@ -104,6 +122,8 @@ def open_frames(source):
         If opencv-python-headless is missing.
     """
     require("cv2", extra="video")
+    if isinstance(source, Frames):
+        return source
     if isinstance(source, (str, Path)) or hasattr(source, "__fspath__"):
         path = Path(source)
         return _open_folder(path) if path.is_dir() else _open_video(path)
@@ -225,7 +245,10 @@ def _open_folder(folder):
             f"no frames ({', '.join(PICTURE_ENDINGS)}) are in the folder {folder}"
         )
     return Frames(
-        str(folder), lambda: map(_read_picture, paths), n_announced=len(paths)
+        str(folder),
+        lambda: map(_read_picture, paths),
+        n_announced=len(paths),
+        names=[path.name for path in paths],
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
 
@@ -22,6 +23,8 @@ DEFAULT_FPS = 25.0
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
+# Share of a mask's colour in what is drawn of it: the image shows through.
+COVER = 0.4
 # Pixels from the corner at which points are drawn at most: no picture is as wide, and
 # OpenCV counts in 32 bits.
 FARTHEST = 2**24
@@ -33,6 +36,7 @@ def render_segmentation(
     labels: npt.ArrayLike,
     out: str | os.PathLike[str],
     *,
+    masks: Iterable[npt.NDArray[np.uint8]] | None = None,
     trail: int = 5,
     fps: float | None = None,
     progress: Progress | None = None,
@@ -56,6 +60,9 @@ def render_segmentation(
         ``.mp4``: a video (MPEG-4 Part 2) of ``n_frames``; odd widths and heights,
         which it cannot have, grow by a pixel. ``.png``: a contact sheet of up to nine
         frames spread over the clip, with their numbers.
+    masks : iterable of ndarray of uint8, shape (height, width), optional
+        A label per pixel for each frame, as from :func:`dense_masks`: drawn as a
+        translucent layer with contours, instead of the points; 0 is left as it is.
     trail : int, default=5
         Frames that tails go back; 0 for none.
     fps : float, optional
@@ -105,6 +112,8 @@ def render_segmentation(
     report = make_reporter(progress, n_frames)
     frames = first_frames(frames, n_frames, report)
     pen = _Pen(points, visibility, labels, trail)
+    if masks is not None:
+        frames, pen = _with_masks(frames, masks), _Brush()
     with replacing_path(out) as part:
         if out.suffix.lower() == ".png":
             _write_sheet(_draw_tiles(frames, pen, n_frames), part)
@@ -159,6 +168,44 @@ class _Pen:
         return _to_canvas(steps[seen[:, :-1] & seen[:, 1:]], scale)
 
 
+def _with_masks(frames, masks):
+    """Pairs of a frame and its mask, checked."""
+    masks = iter(masks)
+    for number, frame in enumerate(frames):
+        mask = next(masks, None)
+        if mask is None or np.shape(mask) != frame.shape[:2]:
+            got = "none" if mask is None else f"one of shape {np.shape(mask)}"
+            raise ValueError(
+                f"frame {number} needs a mask of shape {frame.shape[:2]}; got {got}"
+            )
+        yield frame, np.asarray(mask, dtype=np.uint8)
+
+
+class _Brush:
+    """Draws masks on frames: translucent, with contours."""
+
+    def draw(self, pair, number, scale=1.0):
+        """A copy of a frame, scaled, with its mask laid over it."""
+        cv2 = require("cv2", extra="video")
+        frame, mask = pair
+        if scale != 1:
+            size = [round(side * scale) for side in frame.shape[1::-1]]
+            frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+            mask = cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+        canvas = frame.copy()
+        for motion in np.unique(mask[mask > 0]).tolist():
+            colour = _blue_green_red(motion_colour(motion))
+            inside = mask == motion
+            layer = np.multiply(colour, COVER) + (1 - COVER) * frame[inside]
+            canvas[inside] = layer.astype(np.uint8)
+            outline = cv2.findContours(
+                inside.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE
+            )[0]
+            for thickness, shade in ((3, (255, 255, 255)), (1, colour)):
+                cv2.drawContours(canvas, outline, -1, shade, thickness, cv2.LINE_AA)
+        return canvas
+
+
 def _to_canvas(points, scale):
     """Nearest pixels, their centres being whole numbers, of a scaled frame."""
     pixels = np.rint((points + 0.5) * scale - 0.5)
@@ -204,7 +251,8 @@ def _draw_tiles(frames, pen, n_frames):
     for number, frame in enumerate(frames):
         if number not in chosen:
             continue
-        scale = min(1.0, SHEET_TILE / max(frame.shape))
+        height, width = np.shape(frame[0] if isinstance(frame, tuple) else frame)[:2]
+        scale = min(1.0, SHEET_TILE / max(height, width))
         tile = pen.draw(frame, number, scale)
         for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
             cv2.putText(

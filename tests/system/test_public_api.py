@@ -108,6 +108,8 @@ def test_the_contract():
     assert set(video.__all__) == {
         "VideoTracks",
         "dense_masks",
+        "find_objects",
+        "prompt_points",
         "render_segmentation",
         "track_video",
     }

@@ -1,0 +1,103 @@
+"""Masks and prompts that ``skmotionseg segment`` writes for a video."""
+
+from __future__ import annotations
+
+import json
+import time
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from .._utils.png import encode_grey, encode_labels
+from .._utils.writing import check_folder_of, check_output, replacing
+from .console import reporting
+
+
+def add_mask_options(videos):
+    """Add the options to a group of a parser."""
+    videos.add_argument(
+        "--masks",
+        type=Path,
+        metavar="DIR",
+        help="folder for a mask per frame, NAME.png, with the palette of DAVIS: 0 the "
+        "static scene, 1, 2, ... what moves",
+    )
+    videos.add_argument(
+        "--static-masks",
+        type=Path,
+        metavar="DIR",
+        help="folder for a mask per frame: 255 where the scene is static, 0 elsewhere;"
+        " named after the image as COLMAP wants it: NAME.jpg.png",
+    )
+    videos.add_argument(
+        "--prompts",
+        type=Path,
+        metavar="FILE",
+        help="points on and off each moving thing in each frame, for a promptable "
+        "segmenter: .json",
+    )
+
+
+def check_mask_options(arguments, video):
+    """Refuse what could not be written, before any work."""
+    wanted = [o for o in ("masks", "static_masks", "prompts") if getattr(arguments, o)]
+    if wanted and not video:
+        raise ValueError(
+            f"--{wanted[0].replace('_', '-')} needs a video or a folder of frames; "
+            f"{arguments.file} is neither"
+        )
+    for folder in (arguments.masks, arguments.static_masks):
+        check_folder_of(folder)
+        if folder is not None and folder.exists() and not folder.is_dir():
+            raise ValueError(f"{folder} is not a folder that masks could be written to")
+    check_output(arguments.prompts, (".json",))
+
+
+def write_masks(arguments, frames, sequence, objects, console):
+    """Write the masks that are asked for.
+
+    Returns
+    -------
+    iterable of ndarray of uint8, or None
+        The masks again, if there are any, for whoever draws them.
+    """
+    if arguments.prompts is not None:
+        _write_prompts(arguments.prompts, frames, sequence, objects)
+    drawn = arguments.render is not None
+    if not (drawn or arguments.masks or arguments.static_masks):
+        return None
+    from ..video import dense_masks
+
+    for folder in (arguments.masks, arguments.static_masks):
+        if folder is not None:
+            folder.mkdir(exist_ok=True)
+    started, kept = time.perf_counter(), []
+    with reporting("masks", console) as progress:
+        masks = dense_masks(frames, sequence.data, objects, progress=progress)
+        for number, mask in enumerate(masks):
+            _write_mask(arguments, frames.name_of(number), mask)
+            if drawn:
+                kept.append(zlib.compress(mask.tobytes(), 1))
+    sequence.seconds["masks"] = time.perf_counter() - started
+    shape = mask.shape
+    return (np.frombuffer(zlib.decompress(k), np.uint8).reshape(shape) for k in kept)
+
+
+def _write_mask(arguments, name, mask):
+    if arguments.masks is not None:
+        with replacing(arguments.masks / f"{Path(name).stem}.png") as file:
+            file.write(encode_labels(mask))
+    if arguments.static_masks is not None:
+        with replacing(arguments.static_masks / f"{name}.png") as file:
+            file.write(encode_grey(np.where(mask == 0, 255, 0).astype(np.uint8)))
+
+
+def _write_prompts(path, frames, sequence, objects):
+    from ..video import prompt_points
+
+    prompts = prompt_points(sequence.data, objects)
+    for prompt in prompts:
+        prompt["image"] = frames.name_of(prompt["frame"])
+    with replacing(path) as file:
+        file.write(json.dumps({"prompts": prompts}, indent=1).encode())

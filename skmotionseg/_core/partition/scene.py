@@ -1,0 +1,262 @@
+"""Which motion is the static scene, and which parts of others are one thing."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull, KDTree, QhullError
+
+# Cells per side of the picture in which tracks are counted for the extent of a motion.
+N_CELLS = 12
+# Tracks of the static scene by which its motion at a place is told.
+N_NEIGHBOURS = 48
+# Frames over which movements are compared, and how many such windows at most.
+WINDOW, MOST_WINDOWS = 6, 16
+# Noise of a track's displacement, pixels; a track moves if its displacement is so many
+# times the noise and the spread of the scene around.
+NOISE, MOVES = 0.5, 1.5
+# Tracks touch within so many times the distance to the nearest other one.
+TOUCH = 4.0
+# The smaller of two parts that touch has this share of its tracks near the other, and
+# two that go together differ by this share of their own movement at most.
+TOUCH_SHARE, TOGETHER = 0.1, 0.5
+# Fewer rejected tracks that move are no thing.
+LEAST_TRACKS = 6
+
+
+def background_motion(points, visibility, labels, size):
+    """The motion that is the static scene: what frames the picture and spans it.
+
+    A scene reaches further than what moves before it: its tracks take most of the
+    picture's margin, and their convex hull encloses the others. How many tracks it has
+    does not count.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels; NaN where unseen.
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    labels : ndarray of int, shape (n_tracks,)
+        Motion of each track; negative for none.
+    size : tuple of (width, height)
+        Of the picture, pixels.
+
+    Returns
+    -------
+    int
+        A label of ``labels``; -1 if all are negative.
+    """
+    names = np.unique(labels[labels >= 0])
+    if len(names) == 0:
+        return -1
+    extents = np.zeros(len(names))
+    for frame in _spread_frames(points.shape[1]):
+        seen = visibility[:, frame] & (labels >= 0)
+        if seen.any():
+            places = np.searchsorted(names, labels[seen])
+            extents += _extents(points[seen, frame], places, len(names), size)
+    return int(names[extents.argmax()])
+
+
+def _spread_frames(n_frames):
+    return np.unique(
+        np.linspace(0, n_frames - 1, min(n_frames, 25)).round().astype(int)
+    )
+
+
+def _extents(points, labels, n_labels, size):
+    """Share of the picture's margin, and of its area in the hull, of each motion."""
+    cell = (points / size * N_CELLS).astype(int).clip(0, N_CELLS - 1)
+    counts = np.zeros((N_CELLS, N_CELLS, n_labels))
+    np.add.at(counts, (*cell.T, labels), 1)
+    margin = np.ones((N_CELLS, N_CELLS), dtype=bool)
+    margin[1:-1, 1:-1] = False
+    total = counts.sum(axis=2)
+    taken = margin & (total > 0)
+    shares = np.zeros(n_labels)
+    if taken.any():
+        shares = (counts[taken] / total[taken][:, None]).mean(axis=0)
+    hulls = [_hull_area(points[labels == label]) for label in range(n_labels)]
+    return shares + np.array(hulls) / np.prod(size)
+
+
+def _hull_area(points):
+    try:
+        return ConvexHull(points).volume if len(points) > 2 else 0.0
+    except QhullError:  # all on a line
+        return 0.0
+
+
+# ---------------------------------------------------------------------------- objects
+
+
+def moving_objects(points, visibility, labels, background):
+    """One label per moving thing, rigid or not.
+
+    Parts that touch, and over time go together against the static scene, are one thing:
+    the limbs of a body that came apart. Tracks of no motion that move against the scene
+    and have others like them around are parts, too.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels; NaN where unseen.
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    labels : ndarray of int, shape (n_tracks,)
+        Rigid motion of each track; negative for none.
+    background : int
+        The label that is the static scene.
+
+    Returns
+    -------
+    ndarray of int, shape (n_tracks,)
+        0 for the static scene, 1, 2, ... for things, most often seen first, and -1 for
+        tracks of none.
+    """
+    static = labels == background
+    windows = _windows(points.shape[1])
+    moved, noise = _movements(points, visibility, static, windows)
+    parts = _parts(points, visibility, labels, static, windows, moved, noise)
+    n_parts = int(parts.max(initial=-1)) + 1
+    objects = np.where(static, 0, -1)
+    if n_parts == 0:
+        return objects
+    joined = _joined(points, visibility, parts, n_parts, windows, moved)
+    things = np.where(parts >= 0, joined[parts], -1)
+    seen = visibility.sum(axis=1)
+    sizes = np.bincount(things[things >= 0], seen[things >= 0], joined.max() + 1)
+    rank = np.empty(len(sizes), dtype=int)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(1, len(sizes) + 1)
+    return np.where(things >= 0, rank[things], objects)
+
+
+def _windows(n_frames):
+    """First and last frames of windows that overlap by half."""
+    length = min(WINDOW, n_frames) - 1
+    starts = np.arange(0, n_frames - length, max(1, length // 2))
+    if len(starts) > MOST_WINDOWS:
+        starts = starts[np.linspace(0, len(starts) - 1, MOST_WINDOWS).astype(int)]
+    return [(start, start + length) for start in starts] if length else []
+
+
+def _movements(points, visibility, static, windows):
+    """Displacement of each track against the scene around it, window by window.
+
+    Returns
+    -------
+    moved : ndarray of shape (n_tracks, n_windows, 2)
+        NaN where a track or the scene is not seen.
+    noise : ndarray of shape (n_tracks, n_windows)
+    """
+    moved = np.full((len(points), len(windows), 2), np.nan)
+    noise = np.full((len(points), len(windows)), np.nan)
+    for number, (first, last) in enumerate(windows):
+        seen = visibility[:, first] & visibility[:, last]
+        scene = np.flatnonzero(seen & static)
+        rows = np.flatnonzero(seen)
+        if len(scene) < 3 or len(rows) == 0:
+            continue
+        steps = points[:, last] - points[:, first]
+        n_neighbours = min(N_NEIGHBOURS, len(scene))
+        _, near = KDTree(points[scene, first]).query(points[rows, first], n_neighbours)
+        around = steps[scene[near]]  # (n_rows, n_neighbours, 2)
+        middle = np.median(around, axis=1)
+        spread = np.median(np.abs(around - middle[:, None]).sum(axis=2), axis=1)
+        moved[rows, number] = steps[rows] - middle
+        noise[rows, number] = NOISE + spread
+    return moved, noise
+
+
+def _parts(points, visibility, labels, static, windows, moved, noise):
+    """Motions, and groups of rejected tracks that move: 0, 1, ...; -1 for no part."""
+    rigid = (labels >= 0) & ~static
+    names = np.unique(labels[rigid])
+    parts = np.full(len(labels), -1)
+    parts[rigid] = np.searchsorted(names, labels[rigid])
+    length = np.hypot(moved[..., 0], moved[..., 1])
+    judged = np.isfinite(length).any(axis=1)
+    strength = np.zeros(len(labels))
+    if judged.any():
+        strength[judged] = np.nanmedian((length / noise)[judged], axis=1)
+    rows = np.flatnonzero((labels < 0) & (strength > MOVES))
+    groups = _groups(points, visibility, rows, windows, moved)
+    sizes = np.bincount(groups, minlength=1)
+    kept = np.flatnonzero(sizes >= LEAST_TRACKS)
+    number = np.full(len(sizes), -1)
+    number[kept] = len(names) + np.arange(len(kept))
+    parts[rows] = number[groups]
+    return parts
+
+
+def _groups(points, visibility, rows, windows, moved):
+    """Components of tracks that touch and move alike: (n_rows,)."""
+    pairs = [np.empty((0, 2), dtype=int)]
+    for number, (first, last) in enumerate(windows):
+        here = rows[np.isfinite(moved[rows, number, 0])]
+        if len(here) < 2:
+            continue
+        reach = _reach(points[visibility[:, first], first])
+        touching = KDTree(points[here, first]).query_pairs(reach, output_type="ndarray")
+        near = here[touching]
+        steps = points[near, last] - points[near, first]  # (n_pairs, 2, 2)
+        apart = np.linalg.norm(steps[:, 0] - steps[:, 1], axis=1)
+        longest = np.linalg.norm(moved[near, number], axis=2).max(axis=1)
+        pairs.append(near[apart < TOGETHER * longest])
+    first, second = np.searchsorted(rows, np.concatenate(pairs)).T
+    return _components(first, second, len(rows))
+
+
+def _components(first, second, n):
+    graph = coo_array((np.ones(len(first)), (first, second)), shape=(n, n))
+    return connected_components(graph, directed=False)[1]
+
+
+def _reach(points):
+    """Distance within which tracks of a frame touch."""
+    if len(points) < 2:
+        return 0.0
+    return TOUCH * float(np.median(KDTree(points).query(points, 2)[0][:, 1]))
+
+
+def _joined(points, visibility, parts, n_parts, windows, moved):
+    """Thing of each part."""
+    touches = np.zeros((n_parts, n_parts))
+    both = np.zeros((n_parts, n_parts))
+    apart = np.zeros((n_parts, n_parts, 2))
+    path = np.zeros((n_parts, n_parts, 2))
+    for number, (first, last) in enumerate(windows):
+        rows = np.flatnonzero((parts >= 0) & np.isfinite(moved[:, number, 0]))
+        if len(rows) == 0:
+            continue
+        present = np.unique(parts[rows])
+        pair = np.ix_(present, present)
+        steps = points[:, last] - points[:, first]
+        own, against = (
+            np.array([np.median(v[rows[parts[rows] == p]], axis=0) for p in present])
+            for v in (steps, moved[:, number])
+        )
+        reach = _reach(points[visibility[:, first], first])
+        near = _touching(points[rows, first], parts[rows], n_parts, reach)
+        both[pair] += 1
+        touches[pair] += near[pair]
+        apart[pair] += own[:, None] - own[None]
+        path[pair] += against[:, None]
+    length = np.linalg.norm(path, axis=2)
+    together = np.linalg.norm(apart, axis=2) < TOGETHER * np.maximum(length, length.T)
+    one = together & (both > 0) & (touches >= both / 2)
+    np.fill_diagonal(one, False)
+    return _components(*np.nonzero(one), n_parts)
+
+
+def _touching(points, parts, n_parts, reach):
+    """Which pairs of parts have enough tracks of the smaller one near the other."""
+    near = np.zeros((n_parts, n_parts))
+    sizes = np.bincount(parts, minlength=n_parts)
+    trees = {part: KDTree(points[parts == part]) for part in np.unique(parts)}
+    for part, tree in trees.items():
+        for other in trees:
+            if part != other and sizes[part] <= sizes[other]:
+                distance, _ = trees[other].query(tree.data)
+                near[part, other] = (distance <= reach).mean() >= TOUCH_SHARE
+    return np.maximum(near, near.T)

@@ -1,0 +1,61 @@
+"""From labels of rigid motions to things that move before the static scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .._core.geometry.tracks import unpack_tracks
+from .._core.partition.scene import background_motion, moving_objects
+from .._utils.validation import check_label_each
+
+
+def find_objects(
+    X: npt.ArrayLike, labels: npt.ArrayLike, *, width: int, height: int
+) -> npt.NDArray[np.int64]:
+    """Join rigid motions to moving things, and find the static scene.
+
+    The scene is the motion that frames the picture and spans it, however many tracks it
+    has. Motions that touch, and over time go together against the scene, are one thing,
+    as the limbs of a body are; tracks of no motion that move against the scene and have
+    others like them around are part of a thing or are one.
+
+    Parameters
+    ----------
+    X : array-like of shape (n_tracks, 2 * n_frames)
+        Tracks in pixels; NaN where unseen.
+    labels : array-like of int, shape (n_tracks,)
+        Rigid motion of each track, as from :class:`~skmotionseg.MotionSegmenter`; -1
+        for none.
+    width, height : int
+        Of the frames, in pixels.
+
+    Returns
+    -------
+    ndarray of int, shape (n_tracks,)
+        0 for the static scene; 1, 2, ... for things, those seen in most frames by most
+        tracks first; -1 for tracks of none.
+
+    Raises
+    ------
+    ValueError
+        If the tracks are malformed, or there is not one label per track.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg.video import find_objects
+    >>> x, y = np.meshgrid(np.arange(0, 100, 5.0), np.arange(0, 80, 5.0))
+    >>> start = np.column_stack([x.ravel(), y.ravel()])
+    >>> inside = (abs(start - [50, 40]) < 15).all(axis=1)
+    >>> steps = np.where(inside, 3.0, 0.0)[:, None, None] * np.arange(6)[:, None]
+    >>> X = (start[:, None] + steps).reshape(len(start), -1)
+    >>> labels = np.where(inside, -1, 0)  # rejected, but together
+    >>> objects = find_objects(X, labels, width=100, height=80)
+    >>> bool((objects == inside).all())
+    True
+    """
+    points, visibility = unpack_tracks(X)
+    labels = check_label_each(labels, len(points))
+    background = background_motion(points, visibility, labels, (width, height))
+    return moving_objects(points, visibility, labels, background)
