@@ -13,10 +13,11 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from .._parallel.tasks import Task
+from .._segmenter.views import ALL_MODELS
 from .._version import __version__
 from ..datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from ..metrics import misclassification_error
-from ..segmentation import ALL_MODELS, MotionSegmenter
+from ..segmentation import MotionSegmenter
 from .checkpoints import run_key
 from .region_runs import REGION_LOADERS, has_regions, measure_regions
 

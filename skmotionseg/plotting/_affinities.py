@@ -348,14 +348,24 @@ def _partitions(estimator, counts):
 
 def _views_and_names(estimator, X):
     """Affinities (n_views, n, n) among the rows, and the names of the views."""
-    if hasattr(estimator, "branches_"):
-        branches = estimator.branches_
-        affinities = [k.transform(s.transform(X)) for s, k in branches.values()]
-        return np.stack(affinities), list(branches)
+    if hasattr(estimator, "views_"):
+        views = estimator.views_
+        affinities = [k.transform(s.transform(X)) for s, k in views.values()]
+        return np.stack(affinities), list(views)
     names = None
     if isinstance(estimator, Pipeline):
         for step in estimator[:-1].named_steps.values():
             if isinstance(step, FeatureUnion):
-                names = [n for n, branch in step.transformer_list if branch != "drop"]
+                names = _names_of_union(step)
         X = estimator[:-1].transform(X)
     return read_stacked(X), names
+
+
+def _names_of_union(union):
+    """Names of the models that take part."""
+    models = getattr(union, "models", None)
+    return [
+        name
+        for name, view in union.transformer_list
+        if view != "drop" and (models is None or name in models)
+    ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from .._core.labels import canonical_labels
-from .._segmenter.cost_terms import cost_terms
 from .._utils.colours import series_colour
 from .._utils.optional import require
 from ..model_selection import NCREModelSelector, partition_costs
@@ -118,13 +117,12 @@ class CountDisplay:
                 f"{type(last).__name__} does not compare numbers of motions; give an "
                 "NCREModelSelector or a MotionSegmenter"
             )
-        weights, term_names = cost_terms(last)
         display = cls(
             last.counts_,
             last.costs_,
             int(last.counts_[last.best_index_]),
-            weights=weights,
-            term_names=term_names,
+            weights=getattr(last, "cost_weights_", (1, 1)),
+            term_names=getattr(last, "cost_names_", ("first term", "second term")),
             passed_over=_passed_over(last),
         )
         return display.plot(ax=ax)

@@ -13,7 +13,7 @@ import numpy as np
 
 ROUNDS = 16
 # Tracks that are compared with the landmarks at a time.
-TRACKS_A_BATCH = 8192
+TRACKS_PER_BATCH = 8192
 # Squared distances above this quantile count as that: gross outliers are the farthest
 # tracks of all, and must not take all landmarks.
 FARTHEST = 0.9
@@ -21,7 +21,7 @@ FARTHEST = 0.9
 NEVER_MET = 100.0
 
 
-def choose_landmarks(points, visibility, n_landmarks, random_state):
+def draw_covering(points, visibility, n_landmarks, random_state):
     """Draw tracks that cover all places, displacements and frames.
 
     Parameters
@@ -51,7 +51,7 @@ def choose_landmarks(points, visibility, n_landmarks, random_state):
     return np.flatnonzero(~free)
 
 
-def draw_evenly(labels, n_drawn, random_state):
+def draw_stratified(labels, n_drawn, random_state):
     """Draw as many members of each group, or all where a group has not so many.
 
     Parameters
@@ -112,8 +112,8 @@ def _distance_to(channels, landmarks):
     """Mean squared distance of each track to the nearest landmark."""
     n_tracks = len(channels[0][0])
     nearest = np.empty(n_tracks)
-    for start in range(0, n_tracks, TRACKS_A_BATCH):
-        batch = slice(start, start + TRACKS_A_BATCH)
+    for start in range(0, n_tracks, TRACKS_PER_BATCH):
+        batch = slice(start, start + TRACKS_PER_BATCH)
         total, common = 0, 0
         for values, seen in channels:
             squares, marks = (values**2).sum(axis=2), seen[landmarks].T
