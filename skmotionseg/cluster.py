@@ -36,7 +36,7 @@ class AffinityInput:
     """
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
+        tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.positive_only = True
         return tags
 

@@ -193,29 +193,13 @@ def make_motion_pipeline(
     """
     if isinstance(n_clusters, str) and n_clusters != "auto":
         raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
-    records = check_models(models)
-    seeds = view_seeds(check_random_state(random_state), records)
     kernel = ORKKernel(
         top=top, sparsity=sparsity, covisibility_prior=covisibility_prior
     )
-    views = [
-        (
-            model.name,
-            _view_pipeline(
-                *make_view(
-                    model,
-                    seeds[model.name],
-                    n_hypotheses=n_hypotheses,
-                    frame_gap=frame_gap,
-                    kernel=kernel,
-                ),
-                memory,
-            ),
-        )
-        for model in records
-    ]
+    given = {"n_hypotheses": n_hypotheses, "frame_gap": frame_gap, "kernel": kernel}
+    views, seed = _make_views(models, random_state, memory, given)
     clusterer = NCREModelSelector(
-        MultiModelSpectralClustering(random_state=seeds["clustering"]),
+        MultiModelSpectralClustering(random_state=seed),
         n_clusters=n_clusters,
         fusion=fusion,
         lam=lam,
@@ -229,7 +213,19 @@ def make_motion_pipeline(
     )
 
 
-def _view_pipeline(sampler, kernel, memory):
+def _make_views(models, random_state, memory, given):
+    """Pipelines of sampler and kernel by model, and the seed of what clusters them."""
+    records = check_models(models)
+    seeds = view_seeds(check_random_state(random_state), records)
+    views = [
+        (model.name, _view_pipeline(model, seeds[model.name], memory, given))
+        for model in records
+    ]
+    return views, seeds["clustering"]
+
+
+def _view_pipeline(model, seed, memory, given):
+    sampler, kernel = make_view(model, seed, **given)
     # Pipeline never caches its last step, so the kernel must not be the last.
     return Pipeline(
         [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],

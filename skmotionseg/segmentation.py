@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from hashlib import blake2b
 from numbers import Integral, Real
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -414,7 +414,8 @@ estimator, default="description_length"
     def _open_counts(self, affinities):
         """The fewest and the most motions that can be."""
         n_connected = len(connected_tracks(affinities))
-        fewest, most = self.min_motions, min(self.max_motions, n_connected)
+        fewest: Any = self.min_motions
+        most: Any = min(self.max_motions, n_connected)
         if self.n_motions != "auto":
             fewest = most = self.n_motions
         if fewest > n_connected:

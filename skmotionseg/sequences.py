@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from numbers import Integral
+from types import FrameType
 from typing import Self
 
 import numpy as np
@@ -217,7 +218,7 @@ def _refuse_scorers_of_tracks():
     It would fail in its own words, or not at all say why, as it cannot know that each
     sample is a sequence; and there is no other place where it can be told.
     """
-    frame = sys._getframe(2)
+    frame: FrameType | None = sys._getframe(2)
     for _ in range(10):
         if frame is None:
             return

@@ -233,8 +233,8 @@ def _count_records(segmenter):
     counts, costs, best = segmenter.counts_, segmenter.costs_, segmenter.best_index_
     tolerance = segmenter.cost_tolerance_
     for position, (count, cost) in enumerate(zip(counts, costs, strict=True)):
-        pair = tuple(segmenter.gainless_pairs_[position].tolist())
-        pair = None if min(pair) < 0 else pair
+        labels = segmenter.gainless_pairs_[position].tolist()
+        pair = None if min(labels) < 0 else tuple(labels)
         rise = cost[2] - costs[best, 2]
         verdict = _verdict(pair, rise, tolerance, count < counts[best])
         if position == best:

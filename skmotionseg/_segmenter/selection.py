@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from sklearn.base import BaseEstimator, clone
 
@@ -41,9 +43,9 @@ def make_selector(
     estimator
     """
     if isinstance(selection, str):
-        weight = {"delta": delta} if selection == "ncre" else {}
-        return SELECTORS[selection](clusterer, **weight)
-    selector = clone(selection)
+        named = SELECTORS[selection](clusterer)
+        return named.set_params(delta=delta) if selection == "ncre" else named
+    selector: Any = clone(selection)
     for name, value in selector.get_params().items():
         if value is None and name.rpartition("__")[2] == "random_state":
             selector.set_params(**{name: clusterer.random_state})
@@ -56,7 +58,7 @@ def set_counts(selector: BaseEstimator, **counts: int) -> None:
     selector.set_params(**{k: value for k, value in counts.items() if k in known})
 
 
-def select_by_graph(selector: BaseEstimator, views: np.ndarray) -> PartitionSearch:
+def select_by_graph(selector: Any, views: np.ndarray) -> PartitionSearch:
     """Fit a selector to affinities and take over what it says.
 
     Parameters
@@ -71,7 +73,7 @@ def select_by_graph(selector: BaseEstimator, views: np.ndarray) -> PartitionSear
     -------
     PartitionSearch
     """
-    selector.fit(np.hstack(views))
+    selector.fit(np.hstack(list(views)))
     labels = canonical_labels(selector.labels_)
     alone = np.array([labels.max() + 1]), np.full((1, 3), np.nan), labels[None], 0
     names = ("counts_", "costs_", "candidate_labels_", "best_index_")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +30,8 @@ class Residuals(np.ndarray):
         self.n_hypotheses = getattr(source, "n_hypotheses", None)
 
     def __reduce__(self):
-        rebuild, arguments, state = super().__reduce__()
-        return rebuild, arguments, (state, self.n_hypotheses)
+        state: Any = super().__reduce__()
+        return state[0], state[1], (state[2], self.n_hypotheses)
 
     def __setstate__(self, state):
         array_state, self.n_hypotheses = state

@@ -42,7 +42,7 @@ class TracksInput:
             fewer than four, or holds infinities.
         """
         if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
-            X = X.astype(float).filled(np.nan)  # masked is unseen
+            X = np.ma.filled(X.astype(float), np.nan)  # masked is unseen
         X = read_matrix(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )
@@ -54,7 +54,7 @@ class TracksInput:
         return unpack_tracks(X)
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
+        tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.allow_nan = True
         return tags
 

@@ -336,7 +336,7 @@ def test_n_jobs_is_documented_in_scikit_learns_words(cls):
 
 def scene_of_every_kind():
     """Tracks 0 to 2: seen once, never with another, and off their motion."""
-    X, y = make_rigid_motions(120, 8, 2, missing=0, noise=0.1, random_state=0)
+    X, _ = make_rigid_motions(120, 8, 2, missing=0, noise=0.1, random_state=0)
     X = np.hstack([X, np.full((len(X), 6), np.nan)])
     X[0, 2:] = np.nan
     X[1] = np.nan
@@ -471,7 +471,7 @@ def test_selectors_say_what_their_costs_are(make):
 
 def mean_of_views(views, n_clusters):
     """Kernel addition, as a function of one's own."""
-    values, vectors = np.linalg.eigh(views.sum(axis=0))
+    _, vectors = np.linalg.eigh(views.sum(axis=0))
     return np.stack([vectors[:, ::-1][:, :n_clusters]] * len(views))
 
 

@@ -9,6 +9,8 @@ from all, so neither is missed as it would be by plain chance.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 ROUNDS = 16
@@ -68,9 +70,12 @@ def draw_stratified(labels, n_drawn, random_state):
         Ascending.
     """
     names, sizes = np.unique(labels, return_counts=True)
-    drawn, order = [], np.argsort(sizes, kind="stable")
+    drawn: list[np.ndarray] = []
+    order = np.argsort(sizes, kind="stable")
     for n_left, group in zip(range(len(names), 0, -1), order, strict=True):
-        share = min(sizes[group], (n_drawn - sum(map(len, drawn))) // n_left)
+        share = min(
+            sizes[group], (n_drawn - sum(len(each) for each in drawn)) // n_left
+        )
         members = np.flatnonzero(labels == names[group])
         drawn.append(random_state.permutation(members)[:share])
     return np.sort(np.concatenate(drawn))
@@ -114,7 +119,7 @@ def _distance_to(channels, landmarks):
     nearest = np.empty(n_tracks)
     for start in range(0, n_tracks, TRACKS_PER_BATCH):
         batch = slice(start, start + TRACKS_PER_BATCH)
-        total, common = 0, 0
+        total: Any = 0
         for values, seen in channels:
             squares, marks = (values**2).sum(axis=2), seen[landmarks].T
             flat = values.reshape(n_tracks, -1)

@@ -144,8 +144,8 @@ def _alternate(graph, n_clusters, pull, cost, max_iter, tol):
     )
     objective = [cost(U)]
     for _ in range(max_iter if len(U) > 1 else 0):
-        for v, view in enumerate(graph.view_spectra):
-            leading = leading_of_perturbed(*view, pull(v, U), n_clusters)
+        for v, (values, vectors) in enumerate(graph.view_spectra):
+            leading = leading_of_perturbed(values, vectors, pull(v, U), n_clusters)
             U[v] = supported_directions(*leading)
         objective.append(cost(U))
         if abs(objective[-2] - objective[-1]) < tol * n_clusters:

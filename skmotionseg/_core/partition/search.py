@@ -13,7 +13,7 @@ from ..graph.neighbourhood import neighbourhood_thresholds, sparsify
 from ..graph.spectral import ViewGraph, connected_tracks
 from ..labels import canonical_labels, nearest_labels
 from .agglomeration import merge_path
-from .cost import COST_NAMES, COST_WEIGHTS, Judge
+from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
 
@@ -115,9 +115,8 @@ def search_partitions(
     """
     connected = connected_tracks(views)
     views = views[:, connected[:, None], connected]
-    clip = _Clip(
-        points[connected], visibility[connected], views, sparsities, stratified
-    )
+    some = points[connected], visibility[connected]
+    clip = _Clip(*some, views, sparsities, stratified)
     judged, segments = np.arange(len(connected)), None
     if reject_outliers:
         segments = _fit_over_segments(clip, cluster)
@@ -131,25 +130,24 @@ def search_partitions(
             chosen = int(refined.max()) + 1
             best[chosen] = (clip.judge.cost(refined), refined)
             gainless.pop(chosen, None)  # that was another partition
-    found = sorted(best)
-    labels = np.full((len(found), len(points)), -1)
-    labels[:, connected] = [_spread(whole, judged, best[count][1]) for count in found]
-    shares = np.zeros(len(points))
-    shares[connected] = own_shares(
-        whole.sparse[-1], labels[found.index(chosen), connected]
-    )
-    explanation = None
-    if reject_outliers:
-        explanation = _explain(clip, best[chosen][1], segments)
+    explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
+    labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
-        np.array(found),
-        np.array([best[count][0] for count in found]),
-        labels,
-        found.index(chosen),
-        shares,
+        np.array(list(labels)),
+        np.array([best[count][0] for count in labels]),
+        _put(connected, np.stack(list(labels.values())), len(points), -1),
+        list(labels).index(chosen),
+        _put(connected, own_shares(whole.sparse[-1], labels[chosen]), len(points), 0.0),
         explanation,
-        np.array([gainless.get(count, (-1, -1)) for count in found]),
+        np.array([gainless.get(count, (-1, -1)) for count in labels]),
     )
+
+
+def _put(positions, values, n, other):
+    """Values (..., n_positions) in their places among n, another value elsewhere."""
+    everywhere = np.full((*values.shape[:-1], n), other)
+    everywhere[..., positions] = values
+    return everywhere
 
 
 class _Clip:
@@ -201,7 +199,8 @@ def _worth_judging(clip, segments, counts):
 
 def _best_by_count(clip, counts, cluster):
     """The cheapest partition of each number of motions: {count: (cost, labels)}."""
-    best, tried = {}, set()
+    best: dict[int, tuple[Cost, np.ndarray]] = {}
+    tried = set()
     for labels in _candidates(clip, counts, cluster):
         if labels.tobytes() in tried:
             continue
@@ -285,7 +284,7 @@ def _choose(best, judge):
     """
     if len(best) == 1:
         return min(best), {}
-    gainless = {}
+    gainless: dict[int, tuple[int, int]] = {}
     for count in sorted(
         best, key=lambda count: (round(best[count][0].total, 9), -count)
     ):
