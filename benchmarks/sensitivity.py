@@ -30,7 +30,7 @@ from unittest.mock import patch
 import numpy as np
 from joblib import Memory, Parallel, delayed
 
-from skmotionseg import MotionSegmenter
+from skmotionseg import MotionSegmenter, ORKKernel
 from skmotionseg._core.geometry import epipolar
 from skmotionseg.datasets import (
     load_hopkins12,
@@ -90,9 +90,16 @@ class Constant:
     change: Callable = scaled
 
     @property
+    def of_kernel(self):
+        """Whether it is a parameter of the segmenter's kernel."""
+        return self.module is None and self.name in ORKKernel().get_params()
+
+    @property
     def value(self):
         if self.module is None:
-            return getattr(MotionSegmenter(), self.name)
+            return getattr(
+                ORKKernel() if self.of_kernel else MotionSegmenter(), self.name
+            )
         module = importlib.import_module(f"skmotionseg.{self.module}")
         return getattr(module, self.name)
 
@@ -107,7 +114,7 @@ CONSTANTS = (
     Constant("_core.geometry.description_length", "NOISE_LEVELS"),
     Constant("_core.geometry.epipolar", "ROBUST_SCALE"),
     Constant("_core.geometry.epipolar", "ROBUST_SWEEPS"),
-    Constant("_core.partition.motions", "LIMIT"),
+    Constant("_core.partition.motions", "INLIER_THRESHOLD"),
     Constant("_core.partition.motions", "CONCENTRATIONS"),
     Constant("_core.partition.motions", "USUAL_NOISE"),
     Constant(None, "n_hypotheses"),
@@ -129,7 +136,8 @@ class Setting:
         """What the estimator is given."""
         if self.constant is None or self.constant.module is not None:
             return {}
-        return {self.constant.name: self.value}
+        given = {self.constant.name: self.value}
+        return {"kernel": ORKKernel(**given)} if self.constant.of_kernel else given
 
 
 AS_IT_IS = Setting("as it is")

@@ -3,7 +3,7 @@
 Hypotheses and affinities take most of the time and depend on none of these, so they
 are computed once for each model and kept in a cache. Three ways to sweep:
 
-1. one sequence, through the plain pipeline, with branches set to ``"drop"``;
+1. one sequence, through the plain pipeline, with its key ``affinity__models``;
 2. the same through ``MotionSegmenter(models=..., selection="ncre")``, which gives the
    same numbers;
 3. one setting for many sequences, which ``GridSearchCV`` finds with ``PerSequence``,
@@ -60,7 +60,7 @@ def main(argv=None):
     arguments = parser.parse_args(argv)
     sequences = read_sequences(arguments)
     values = QUICK if arguments.quick else FULL
-    common = {"n_hypotheses": 200 if arguments.quick else 500, "sparsity": 6.0}
+    common = {"n_hypotheses": 200 if arguments.quick else 500}
     with tempfile.TemporaryDirectory() as cache:
         common |= {"memory": cache, "random_state": 0}
         name, X, y = sequences[0]
@@ -122,15 +122,15 @@ def sweep_one_sequence(X, y, segment, values, common):
 
 
 def segment_by_pipeline(X, models, n_motions, common, fusion, **weight):
-    """Labels from the pipeline of all models, some of them dropped.
+    """Labels from the pipeline of all models, of which some take part.
 
-    ``memory`` is in the branches, so a branch that was fitted once is read back,
-    whatever is dropped beside it and set in the last step.
+    ``memory`` is in the views, so a view that was fitted once is read back, whatever
+    takes part beside it and is set in the last step.
     """
     pipeline = make_motion_pipeline(n_clusters=n_motions, fusion=fusion, **common)
-    dropped = {f"affinity__{m}": "drop" for m in ALL_MODELS if m not in models}
     weight = {f"cluster__{name}": value for name, value in weight.items()}
-    return clone(pipeline).set_params(**dropped, **weight).fit_predict(X)
+    pipeline = clone(pipeline).set_params(affinity__models=models, **weight)
+    return pipeline.fit_predict(X)
 
 
 def segment_by_segmenter(X, models, n_motions, common, fusion, **weight):

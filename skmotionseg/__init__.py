@@ -1,5 +1,6 @@
 """Motion segmentation of point tracks, as scikit-learn estimators."""
 
+from ._core.geometry.motion_models import MotionModel
 from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._segmenter.report import SegmentationReport
 from ._version import __version__ as __version__
@@ -11,13 +12,15 @@ from .model_selection import (
     NCREModelSelector,
     SelfTuningModelSelector,
 )
+from .pipelines import make_motion_pipeline
 from .sampling import HypothesisSampler
-from .segmentation import MotionSegmenter, make_motion_pipeline
+from .segmentation import MotionSegmenter
 from .sequences import PerSequence
 
 __all__ = [
     "EigengapModelSelector",
     "HypothesisSampler",
+    "MotionModel",
     "MotionSegmenter",
     "MultiModelSpectralClustering",
     "NCREModelSelector",

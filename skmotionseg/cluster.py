@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from numbers import Integral, Real
 from typing import Self
 
@@ -12,14 +13,15 @@ from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, check_non_negative
 
-from ._core.graph.kmeans import kmeans, nearest_centres
+from ._core.graph.clustering import cluster_connected, labels_of_all
+from ._core.graph.fusion import bind_fusion
+from ._core.graph.kmeans import nearest_centres
 from ._core.graph.spectral import ViewGraph, cluster_features, extend_embedding
-from ._core.labels import canonical_labels
 from ._parallel.engine import thread_map
 from ._parallel.threads import single_threaded
 from ._utils.validation import (
+    check_fusion,
     check_n_groups,
-    get_fusion,
     read_affinities,
     read_matrix,
     split_views,
@@ -27,11 +29,14 @@ from ._utils.validation import (
 
 
 class AffinityInput:
-    """Mixin of the clusterers whose rows are stacked, precomputed affinities."""
+    """Mixin of the clusterers whose rows are stacked, precomputed affinities.
+
+    They are not tagged as pairwise: scikit-learn then takes a fold's rows *and*
+    columns, which is right for one square view and an error for several side by side.
+    """
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
-        tags.input_tags.pairwise = True
+        tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.positive_only = True
         return tags
 
@@ -43,11 +48,15 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
     ----------
     n_clusters : int, default=2
         Number of motions.
-    fusion : {"kernel_addition", "coreg", "subset"}, default="coreg"
+    fusion : {"kernel_addition", "coreg", "subset"} or callable, \
+default="kernel_addition"
         How the views are joined: one embedding of the sum of their Laplacians
-        (kernel addition), an embedding each that is drawn towards the others
-        (co-regularisation), or one each that respects that whatever a simpler model
-        joins a richer one joins too (subset constraint).
+        (kernel addition), one per view that is drawn towards the others
+        (co-regularisation), or one per view that respects that whatever a simpler model
+        joins a richer one joins too (subset constraint). A callable
+        ``(views, n_clusters) -> embeddings`` takes normalised affinities
+        ``(n_views, n, n)`` of the tracks that have an affinity to another, and gives
+        one embedding per view, ``(n_views, n, n_clusters)``.
     lam : float, default=1e-2
         Weight of agreement between the views, for ``fusion="coreg"``.
     gamma : float, default=1e-2
@@ -60,7 +69,9 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
     n_init : int, default=20
         Restarts of k-means.
     n_jobs : int or None, default=None
-        Views to decompose at a time, in threads, for the fusions that look at each.
+        Number of views to decompose in parallel, in threads. ``None`` means 1 unless in
+        a :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
+        :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
         Drives the starts of k-means.
 
@@ -74,7 +85,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
     objective_ : ndarray of shape (``n_iter_``,)
         The cost of the views by themselves, and after each sweep that draws them
-        together.
+        together; empty for a callable.
     n_iter_ : int
         1 where the solution is direct.
     n_views_ : int
@@ -111,7 +122,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
 
     _parameter_constraints: dict = {
         "n_clusters": [Interval(Integral, 1, None, closed="left")],
-        "fusion": [str],
+        "fusion": [str, callable],
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
         "max_iter": [Interval(Integral, 1, None, closed="left")],
@@ -125,7 +136,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         self,
         n_clusters: int = 2,
         *,
-        fusion: str = "coreg",
+        fusion: str | Callable[..., npt.ArrayLike] = "kernel_addition",
         lam: float = 1e-2,
         gamma: float = 1e-2,
         max_iter: int = 20,
@@ -165,7 +176,7 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
             If ``X`` is not made of such blocks, or fewer than ``n_clusters`` rows have
             an affinity to another.
         """
-        get_fusion(self.fusion)
+        check_fusion(self.fusion)
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(
             views, self.n_clusters, thread_map(self.n_jobs)
@@ -173,44 +184,34 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
 
-    def cluster_graph(self, graph: ViewGraph) -> npt.NDArray[np.intp]:
-        """Labels for a graph that is at hand, without fitting.
-
-        Parameters
-        ----------
-        graph : ViewGraph
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-        """
-        return _labels_of_all(graph, self._embed_and_cluster(graph)[1])
-
-    def _embed_and_cluster(self, graph):
-        fused = get_fusion(self.fusion)(
-            graph,
-            self.n_clusters,
+    def _fuse(self):
+        """The fusion with its weights, as a function of a graph."""
+        return bind_fusion(
+            self.fusion,
             lam=self.lam,
             gamma=self.gamma,
             max_iter=self.max_iter,
             tol=self.tol,
         )
-        features = cluster_features(fused.embeddings)
-        rng = check_random_state(self.random_state)
-        return fused, *kmeans(features, self.n_clusters, self.n_init, rng)
 
     def _fit_graph(self, graph):
         """Cluster the tracks that meet another, and put them back in their rows."""
         connected, n = graph.connected, graph.n_samples
-        fused, labels, self._centres = self._embed_and_cluster(graph)
-        self.labels_ = _labels_of_all(graph, labels)
+        fused, labels, self._centres = cluster_connected(
+            graph,
+            self.n_clusters,
+            self._fuse(),
+            self.n_init,
+            check_random_state(self.random_state),
+        )
+        self.labels_ = labels_of_all(graph, labels)
         self._label_of_centre = np.zeros(self.n_clusters, dtype=int)
         self._label_of_centre[labels] = self.labels_[connected]
         self.n_views_ = len(graph.degrees)
         self.view_embeddings_ = np.zeros((self.n_views_, n, self.n_clusters))
         self.view_embeddings_[:, connected] = fused.embeddings
         self.objective_ = fused.objective
-        self.n_iter_ = len(fused.objective)
+        self.n_iter_ = max(1, len(fused.objective))
         self._degrees = np.zeros((self.n_views_, n))
         self._degrees[:, connected] = graph.degrees
         self._shrinkage = np.sum(
@@ -251,10 +252,3 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         labels = self._label_of_centre[nearest_centres(features, self._centres)]
         labels[~(rows > 0).any(axis=(0, 2))] = -1
         return labels
-
-
-def _labels_of_all(graph, labels):
-    """Labels of the connected tracks, in canonical order, and -1 for the others."""
-    everything = np.full(graph.n_samples, -1)
-    everything[graph.connected] = labels
-    return canonical_labels(everything)

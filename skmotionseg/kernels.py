@@ -13,7 +13,7 @@ from sklearn.base import (
     TransformerMixin,
     _fit_context,
 )
-from sklearn.utils._param_validation import Interval
+from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
 from ._core.graph.neighbourhood import neighbourhood_thresholds, sparsify
@@ -26,7 +26,13 @@ from ._core.graph.residual_kernel import (
     own_affinity,
 )
 from ._parallel.threads import single_threaded
+from ._utils.residuals import sent_group_size
 from ._utils.validation import read_matrix
+
+# Of residuals that do not say how many hypotheses a frame pair has.
+USUAL_HYPOTHESES = 500
+# One exponent of the epsilon-neighbourhood for all data.
+GRAPH_SPARSITY = 6.0
 
 
 class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):
@@ -41,14 +47,16 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     Parameters
     ----------
-    n_hypotheses : int, default=500
-        Hypotheses a frame pair: residual columns come in consecutive groups of so many.
-        It must be that of the sampler; a divisor of it would split the pairs unnoticed.
+    n_hypotheses : int or "auto", default="auto"
+        Hypotheses per frame pair: residual columns come in consecutive groups of so
+        many. "auto" is the number that :class:`HypothesisSampler` sends with its
+        residuals, and 500 for residuals that come without it.
     top : float, default=0.1
-        Share of a pair's hypotheses a track keeps, in (0, 1]; at least one is kept.
-    sparsity : float or None, default=6
+        Share of a pair's hypotheses that a track keeps, in (0, 1]; at least one.
+    sparsity : float, "auto" or None, default="auto"
         Exponent alpha of the epsilon-neighbourhood; the larger, the fewer entries of a
-        row survive. None keeps all.
+        row survive. "auto" is 6 (inside :class:`MotionSegmenter`, whose search by
+        description length compares several, 4 and 8). None keeps all.
     covisibility_prior : float, default=2
         ``p`` in ``k_ij / (top * n_hypotheses * (c_ij + p))``, where ``c_ij`` is the
         number of frame pairs that see both tracks: few common frames count for little.
@@ -56,6 +64,8 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     Attributes
     ----------
+    n_hypotheses_ : int
+        Hypotheses per frame pair.
     thresholds_ : ndarray of shape (n_fit,)
         The affinity above which each fitted row keeps an entry.
     n_features_in_ : int
@@ -87,7 +97,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     >>> X, y = make_rigid_motions(n_tracks=60, n_frames=5, random_state=0)
     >>> affinity = make_pipeline(
     ...     HypothesisSampler(n_hypotheses=100, random_state=0),
-    ...     ORKKernel(n_hypotheses=100),
+    ...     ORKKernel(),
     ... )
     >>> K = affinity.fit_transform(X)
     >>> K.shape
@@ -97,18 +107,25 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     """
 
     _parameter_constraints: dict = {
-        "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
+        "n_hypotheses": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+        ],
         "top": [Interval(Real, 0, 1, closed="right")],
-        "sparsity": [Interval(Real, 0, None, closed="neither"), None],
+        "sparsity": [
+            Interval(Real, 0, None, closed="neither"),
+            StrOptions({"auto"}),
+            None,
+        ],
         "covisibility_prior": [Interval(Real, 0, None, closed="left")],
     }
 
     def __init__(
         self,
         *,
-        n_hypotheses: int = 500,
+        n_hypotheses: int | str = "auto",
         top: float = 0.1,
-        sparsity: float | None = 6.0,
+        sparsity: float | str | None = "auto",
         covisibility_prior: float = 2.0,
     ) -> None:
         self.n_hypotheses = n_hypotheses
@@ -134,7 +151,8 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         Raises
         ------
         ValueError
-            If the columns do not split into groups of ``n_hypotheses``.
+            If the columns do not split into groups of ``n_hypotheses``, or the sampler
+            drew another number.
         """
         self._fit_affinity(self._read_preferences(X, reset=True))
         return self
@@ -177,10 +195,11 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         return self._affinity_to_fitted(preferences, self._preferences)
 
     @single_threaded
-    def _fit_blocks(self, n_tracks, blocks):
+    def _fit_blocks(self, n_tracks, blocks, n_hypotheses):
         """What ``fit_transform`` does, from a frame pair's residuals at a time."""
+        self.n_hypotheses_ = self._group_size(n_hypotheses, n_hypotheses)
         preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
-        self.n_features_in_ = len(preferences.rows) * self.n_hypotheses
+        self.n_features_in_ = len(preferences.rows) * n_hypotheses
         return self._fit_affinity(preferences)
 
     @single_threaded
@@ -218,9 +237,10 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     @property
     def _n_top(self):
-        return max(1, round(self.top * self.n_hypotheses))
+        return max(1, round(self.top * self.n_hypotheses_))
 
     def _read_preferences(self, X, *, reset):
+        sent = sent_group_size(X)
         X = read_matrix(
             self,
             X,
@@ -228,13 +248,26 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             dtype=[np.float32, np.float64],
             ensure_all_finite="allow-nan",
         )
-        if X.shape[1] % self.n_hypotheses:
+        if reset:
+            self.n_hypotheses_ = self._group_size(sent, X.shape[1])
+        blocks = blocks_of_matrix(X, self.n_hypotheses_)
+        return Preferences.from_blocks(len(X), blocks, self._n_top)
+
+    def _group_size(self, sent, width):
+        """Columns per frame pair, of what was asked for and what was sent."""
+        asked = None if self.n_hypotheses == "auto" else self.n_hypotheses
+        if asked is not None and sent is not None and asked != sent:
+            raise ValueError(
+                f"the sampler drew {sent} hypotheses per frame pair, and the kernel "
+                f"has n_hypotheses={asked}; 'auto' takes the number of the sampler"
+            )
+        size = asked or sent or USUAL_HYPOTHESES
+        if width % size:
             raise ValueError(
                 "residual columns come in groups of n_hypotheses="
-                f"{self.n_hypotheses}, one a frame pair; got {X.shape[1]} columns"
+                f"{size}, one per frame pair; got {width} columns"
             )
-        blocks = blocks_of_matrix(X, self.n_hypotheses)
-        return Preferences.from_blocks(len(X), blocks, self._n_top)
+        return size
 
     def _affinity(self, preferences, others):
         return covisible_affinity(
@@ -249,7 +282,8 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             return np.zeros(len(affinity))
         n_seen = preferences.seen.sum(axis=1)
         own = own_affinity(n_seen, self.covisibility_prior)
-        return neighbourhood_thresholds(affinity, self.sparsity, own)
+        alpha = GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
+        return neighbourhood_thresholds(affinity, alpha, own)
 
     def _sparsify(self, affinity, thresholds):
         if self.sparsity is None:

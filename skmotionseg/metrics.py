@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
+from sklearn.base import BaseEstimator
+from sklearn.metrics import get_scorer
 
 
 def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
@@ -84,6 +87,88 @@ def motion_count_accuracy(
             ]
         )
     )
+
+
+def sequence_scorer(scoring: str | Callable) -> Callable:
+    """Make a scorer of whole sequences of one that scores the tracks of a sequence.
+
+    Samples of :class:`~skmotionseg.PerSequence` are sequences, so their labels are
+    lists of arrays, which scorers of scikit-learn do not take. This gives the mean of
+    the scores of all sequences. Tracks whose true label is negative are not judged.
+
+    Parameters
+    ----------
+    scoring : str or callable
+        Name of a scorer of scikit-learn, such as "adjusted_rand_score", or a function
+        ``(y_true, y_pred) -> float`` of label arrays, of which more is better.
+
+    Returns
+    -------
+    callable
+        ``(estimator, X, y) -> float``, for ``scoring=`` of
+        :class:`~sklearn.model_selection.GridSearchCV` and
+        :func:`~sklearn.model_selection.cross_val_score`.
+
+    Raises
+    ------
+    ValueError
+        If there is no scorer of that name.
+
+    Examples
+    --------
+    >>> from sklearn.model_selection import cross_val_score
+    >>> from skmotionseg import MotionSegmenter, PerSequence
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> from skmotionseg.metrics import sequence_scorer
+    >>> scenes = [
+    ...     make_rigid_motions(n_tracks=60, n_frames=4, n_motions=2, random_state=seed)
+    ...     for seed in range(2)
+    ... ]
+    >>> sequences, labels = [X for X, y in scenes], [y for X, y in scenes]
+    >>> estimator = PerSequence(MotionSegmenter(2, n_hypotheses=50, random_state=0))
+    >>> cross_val_score(
+    ...     estimator,
+    ...     sequences,
+    ...     labels,
+    ...     scoring=sequence_scorer("adjusted_rand_score"),
+    ...     cv=2,
+    ... ).shape
+    (2,)
+    """
+    if isinstance(scoring, str):
+        get_scorer(scoring)  # raises, before any work, if there is none
+    return partial(_score_sequences, scoring)
+
+
+def _score_sequences(scoring, estimator, X, y):
+    """Mean of a score over the sequences."""
+    score = _score_by_name if isinstance(scoring, str) else _score_by_function
+    pairs = (
+        _judged(true, found)
+        for true, found in zip(y, estimator.predict(X), strict=True)
+    )
+    return float(np.mean([score(scoring, *pair) for pair in pairs]))
+
+
+def _score_by_function(function, y_true, y_pred):
+    return function(y_true, y_pred)
+
+
+def _score_by_name(name, y_true, y_pred):
+    return get_scorer(name)(_Found(y_pred), y_pred[:, None], y_true)
+
+
+class _Found(BaseEstimator):
+    """Predicts labels that were found already."""
+
+    def __init__(self, labels):
+        self.labels = labels
+
+    def __sklearn_is_fitted__(self):
+        return True
+
+    def predict(self, X):
+        return self.labels
 
 
 class FBMSScores(NamedTuple):

@@ -2,25 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from numbers import Integral, Real
-from typing import Self
+from typing import Self, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import HasMethods, Interval
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
 from ._core.graph.cuts import normalized_cut, reconstruction_error
-from ._core.graph.eigenvector_rules import alignment_costs, best_aligned, eigengap_costs
+from ._core.graph.eigenvector_rules import (
+    ALIGNMENT_TOLERANCE,
+    alignment_costs,
+    best_aligned,
+    eigengap_costs,
+)
 from ._core.graph.spectral import ViewGraph
 from ._core.labels import canonical_labels
 from ._parallel.engine import thread_map
 from ._parallel.threads import single_threaded
 from ._utils.validation import check_n_groups, read_affinities
 from .cluster import AffinityInput, MultiModelSpectralClustering
+
+Fusing: TypeAlias = str | Callable[..., npt.ArrayLike]
 
 
 def _clusterer_predicts(selector):
@@ -37,12 +45,20 @@ def _labels_of_connected(labels, connected):
 class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
     """Cluster into each of several counts and choose one by a rule.
 
-    A rule gives three costs a count (:meth:`_costs_of_counts`): two terms and the total
-    that decides, the least unless :meth:`_choose` says otherwise.
+    A rule gives three costs per count (:meth:`_costs_of_counts`): two terms and the
+    total that decides, the least unless :meth:`_choose` says otherwise. It also says
+    what its terms are called and how they are weighed, for reports and pictures.
     """
 
     _parameter_constraints: dict = {
         "clusterer": [HasMethods(["fit", "get_params", "set_params"]), None],
+        "n_clusters": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+        ],
+        "fusion": [str, callable, None],
+        "lam": [Interval(Real, 0, None, closed="left"), None],
+        "gamma": [Interval(Real, 0, None, closed="left"), None],
         "min_clusters": [Interval(Integral, 1, None, closed="left")],
         "max_clusters": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
@@ -50,6 +66,30 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
 
     # Eigenvectors that the rule needs beyond those of the largest count.
     _n_more_eigenvectors = 0
+    # What the two terms are called, their weights, and by how much equal totals differ.
+    _cost_names = ("first term", "second term")
+    _cost_tolerance = 1e-9
+
+    def __init__(
+        self,
+        clusterer: BaseEstimator | None = None,
+        *,
+        n_clusters: int | str = "auto",
+        fusion: Fusing | None = None,
+        lam: float | None = None,
+        gamma: float | None = None,
+        min_clusters: int = 1,
+        max_clusters: int = 10,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.clusterer = clusterer
+        self.n_clusters = n_clusters
+        self.fusion = fusion
+        self.lam = lam
+        self.gamma = gamma
+        self.min_clusters = min_clusters
+        self.max_clusters = max_clusters
+        self.random_state = random_state
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
@@ -72,19 +112,16 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
             If ``X`` is not made of such blocks, or ``min_clusters`` exceeds
             ``max_clusters`` or the rows that have an affinity to another.
         """
-        if self.min_clusters > self.max_clusters:
-            raise ValueError(
-                "min_clusters must not exceed max_clusters; got "
-                f"{self.min_clusters} and {self.max_clusters}"
-            )
+        fewest, most = self._range_of_counts()
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(
             views,
-            self.max_clusters + self._n_more_eigenvectors,
+            most + self._n_more_eigenvectors,
             thread_map(getattr(self.clusterer, "n_jobs", None)),
         )
-        check_n_groups("min_clusters", self.min_clusters, graph)
-        self.counts_ = self._open_counts(min(self.max_clusters, len(graph.connected)))
+        known = self.n_clusters != "auto"
+        check_n_groups("n_clusters" if known else "min_clusters", fewest, graph)
+        self.counts_ = self._open_counts(fewest, min(most, len(graph.connected)))
         candidates = self._fit_candidates(views, graph)
         self.candidate_labels_ = np.stack(
             [_labels_of_connected(c.labels_, graph.connected) for c in candidates]
@@ -94,11 +131,28 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         self.clusterer_ = candidates[self.best_index_]
         self.labels_ = self.candidate_labels_[self.best_index_]
         self.n_clusters_ = int(self.labels_.max()) + 1
+        self.cost_names_, self.cost_weights_ = self._cost_names, self._cost_weights
+        self.cost_tolerance_ = self._cost_tolerance
         return self
 
-    def _open_counts(self, most):
+    @property
+    def _cost_weights(self):
+        return (1, -1)
+
+    def _range_of_counts(self):
+        """The fewest and the most clusters that are asked for."""
+        if self.n_clusters != "auto":
+            return self.n_clusters, self.n_clusters
+        if self.min_clusters > self.max_clusters:
+            raise ValueError(
+                "min_clusters must not exceed max_clusters; got "
+                f"{self.min_clusters} and {self.max_clusters}"
+            )
+        return self.min_clusters, self.max_clusters
+
+    def _open_counts(self, fewest, most):
         """Counts to try, ``most`` being the largest that is possible."""
-        return np.arange(self.min_clusters, most + 1)
+        return np.arange(fewest, most + 1)
 
     def _costs_of_counts(self, views, graph):
         """Two terms and the total for each of ``counts_``."""
@@ -124,12 +178,14 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         return [candidate.fit(stacked) for candidate in candidates]
 
     def _base_clusterer(self):
+        """The clusterer with what is set here, and seeded if it has no seed."""
         if self.clusterer is None:
             base = MultiModelSpectralClustering()
         else:
             base = clone(self.clusterer)
-        wanted = self.clusterer is None or self.random_state is not None
-        if wanted and "random_state" in base.get_params():
+        given = {"fusion": self.fusion, "lam": self.lam, "gamma": self.gamma}
+        base.set_params(**{k: value for k, value in given.items() if value is not None})
+        if base.get_params().get("random_state", 0) is None:
             seed = check_random_state(self.random_state).randint(np.iinfo(np.int32).max)
             base.set_params(random_state=seed)
         return base
@@ -170,13 +226,17 @@ class NCREModelSelector(CountSelector):
         Clusters stacked affinities into ``n_clusters`` and gives ``labels_``. None is
         :class:`MultiModelSpectralClustering` as it comes. Another gets the views side
         by side, so it must take that, or there must be but one view.
+    n_clusters : int or "auto", default="auto"
+        Number of clusters, if it is known; "auto" chooses it.
+    fusion, lam, gamma : default=None
+        If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     delta : float, default=0.2
         Weight of the reconstruction error: larger values choose more clusters.
     min_clusters, max_clusters : int, default=1 and 10
         Counts to try; no more than there are rows with an affinity to another.
     random_state : int, RandomState instance or None, default=None
-        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
-        seed for each count, if it has a ``random_state``; else its own holds.
+        Seeds the clusterer, with the same seed for each count, unless its own
+        ``random_state`` is given: that holds.
 
     Attributes
     ----------
@@ -193,6 +253,12 @@ class NCREModelSelector(CountSelector):
         Position of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
+    cost_names_ : (str, str)
+        What the two terms of the costs are.
+    cost_weights_ : (float, float)
+        Their weights in the total.
+    cost_tolerance_ : float
+        Totals that differ by no more are equal.
     n_features_in_ : int
 
     See Also
@@ -220,20 +286,36 @@ class NCREModelSelector(CountSelector):
         "delta": [Interval(Real, 0, None, closed="left")],
     }
 
+    _cost_names = ("normalised cut", "reconstruction error")
+
     def __init__(
         self,
         clusterer: BaseEstimator | None = None,
         *,
+        n_clusters: int | str = "auto",
+        fusion: Fusing | None = None,
+        lam: float | None = None,
+        gamma: float | None = None,
         delta: float = 0.2,
         min_clusters: int = 1,
         max_clusters: int = 10,
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
-        self.clusterer = clusterer
+        super().__init__(
+            clusterer,
+            n_clusters=n_clusters,
+            fusion=fusion,
+            lam=lam,
+            gamma=gamma,
+            min_clusters=min_clusters,
+            max_clusters=max_clusters,
+            random_state=random_state,
+        )
         self.delta = delta
-        self.min_clusters = min_clusters
-        self.max_clusters = max_clusters
-        self.random_state = random_state
+
+    @property
+    def _cost_weights(self):
+        return (1, self.delta)
 
     def _costs_of_counts(self, views, graph):
         return np.stack(
@@ -256,11 +338,15 @@ class EigengapModelSelector(CountSelector):
         Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
         choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
         it comes. Another gets the views side by side.
+    n_clusters : int or "auto", default="auto"
+        Number of clusters, if it is known; "auto" chooses it.
+    fusion, lam, gamma : default=None
+        If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     min_clusters, max_clusters : int, default=1 and 10
         Counts to try; no more than there are rows with an affinity to another.
     random_state : int, RandomState instance or None, default=None
-        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
-        seed for each count, if it has a ``random_state``; else its own holds.
+        Seeds the clusterer, with the same seed for each count, unless its own
+        ``random_state`` is given: that holds.
 
     Attributes
     ----------
@@ -278,6 +364,12 @@ class EigengapModelSelector(CountSelector):
         Position of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
+    cost_names_ : (str, str)
+        What the two terms of the costs are.
+    cost_weights_ : (float, float)
+        Their weights in the total.
+    cost_tolerance_ : float
+        Totals that differ by no more are equal.
     n_features_in_ : int
 
     See Also
@@ -302,19 +394,7 @@ class EigengapModelSelector(CountSelector):
     """
 
     _n_more_eigenvectors = 1
-
-    def __init__(
-        self,
-        clusterer: BaseEstimator | None = None,
-        *,
-        min_clusters: int = 1,
-        max_clusters: int = 10,
-        random_state: int | np.random.RandomState | None = None,
-    ) -> None:
-        self.clusterer = clusterer
-        self.min_clusters = min_clusters
-        self.max_clusters = max_clusters
-        self.random_state = random_state
+    _cost_names = ("eigenvalue", "next eigenvalue")
 
     def _costs_of_counts(self, views, graph):
         values, _ = graph.sum_spectrum
@@ -336,13 +416,17 @@ class SelfTuningModelSelector(CountSelector):
         Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
         choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
         it comes. Another gets the views side by side.
+    n_clusters : int or "auto", default="auto"
+        Number of clusters, if it is known; "auto" chooses it.
+    fusion, lam, gamma : default=None
+        If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     min_clusters, max_clusters : int, default=2 and 10
         Counts to try; no more than there are rows with an affinity to another. A single
         eigenvector is always aligned, which says nothing: 1 is only tried where it is
         the only count.
     random_state : int, RandomState instance or None, default=None
-        If given, or if ``clusterer`` is None, it seeds the clusterer, with the same
-        seed for each count, if it has a ``random_state``; else its own holds.
+        Seeds the clusterer, with the same seed for each count, unless its own
+        ``random_state`` is given: that holds.
 
     Attributes
     ----------
@@ -361,6 +445,12 @@ class SelfTuningModelSelector(CountSelector):
         Position of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
+    cost_names_ : (str, str)
+        What the two terms of the costs are.
+    cost_weights_ : (float, float)
+        Their weights in the total.
+    cost_tolerance_ : float
+        Totals that differ by no more are equal.
     n_features_in_ : int
 
     See Also
@@ -386,21 +476,34 @@ class SelfTuningModelSelector(CountSelector):
     3
     """
 
+    _cost_names = ("alignment cost", "its least value")
+    _cost_tolerance = ALIGNMENT_TOLERANCE
+
     def __init__(
         self,
         clusterer: BaseEstimator | None = None,
         *,
+        n_clusters: int | str = "auto",
+        fusion: Fusing | None = None,
+        lam: float | None = None,
+        gamma: float | None = None,
         min_clusters: int = 2,
         max_clusters: int = 10,
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
-        self.clusterer = clusterer
-        self.min_clusters = min_clusters
-        self.max_clusters = max_clusters
-        self.random_state = random_state
+        super().__init__(
+            clusterer,
+            n_clusters=n_clusters,
+            fusion=fusion,
+            lam=lam,
+            gamma=gamma,
+            min_clusters=min_clusters,
+            max_clusters=max_clusters,
+            random_state=random_state,
+        )
 
-    def _open_counts(self, most):
-        return np.arange(min(max(self.min_clusters, 2), most), most + 1)
+    def _open_counts(self, fewest, most):
+        return np.arange(min(max(fewest, 2), most), most + 1)
 
     def _costs_of_counts(self, views, graph):
         _, vectors = graph.sum_spectrum

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.base import (
     BaseEstimator,
-    ClassNamePrefixFeaturesOutMixin,
     TransformerMixin,
     _fit_context,
 )
@@ -18,14 +17,14 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
+from ._core.geometry.motion_models import MotionModel
 from ._core.geometry.tracks import frame_pairs, working_coordinates
 from ._parallel.threads import single_threaded
+from ._utils.residuals import Residuals, column_names
 from ._utils.validation import TracksInput, get_motion_model
 
 
-class HypothesisSampler(
-    ClassNamePrefixFeaturesOutMixin, TracksInput, TransformerMixin, BaseEstimator
-):
+class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
     """Residuals of tracks to random hypotheses of one motion model.
 
     In each pair of frames ``(f, f + frame_gap)``, minimal sets of the tracks seen in
@@ -36,10 +35,11 @@ class HypothesisSampler(
 
     Parameters
     ----------
-    model : {"affine", "homography", "fundamental"}, default="homography"
-        Motion model, fitted to 3, 4 or 8 tracks.
+    model : {"affine", "homography", "fundamental"} or MotionModel, \
+default="homography"
+        Motion model. The named ones are fitted to 3, 4 and 8 tracks.
     n_hypotheses : int, default=500
-        Hypotheses a frame pair.
+        Hypotheses per frame pair.
     frame_gap : int, default=1
         Frames between the two of a pair.
     random_state : int, RandomState instance or None, default=None
@@ -76,7 +76,7 @@ class HypothesisSampler(
     """
 
     _parameter_constraints: dict = {
-        "model": [str],
+        "model": [str, MotionModel],
         "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
         "frame_gap": [Interval(Integral, 1, None, closed="left")],
         "random_state": ["random_state"],
@@ -84,7 +84,7 @@ class HypothesisSampler(
 
     def __init__(
         self,
-        model: str = "homography",
+        model: str | MotionModel = "homography",
         *,
         n_hypotheses: int = 500,
         frame_gap: int = 1,
@@ -116,12 +116,26 @@ class HypothesisSampler(
             If there are too few frames for ``frame_gap``, or no frame pair in which
             as many tracks are seen as the model needs.
         """
-        self._fit(X)
+        return self._fit(*self._read_tracks(X, reset=True))
+
+    def _fit(self, points, visibility):
+        """Draw hypotheses for tracks that were read already."""
+        model = get_motion_model(self.model)
+        pairs = self._check_pairs(model, visibility)
+        self.frame_pairs_ = pairs
+        self.hypotheses_ = draw_hypotheses(
+            points,
+            visibility,
+            pairs,
+            model,
+            self.n_hypotheses,
+            check_random_state(self.random_state),
+        )
+        self._centres, self._scale = working_coordinates(points, visibility)
         return self
 
-    def _fit(self, X):
-        model = get_motion_model(self.model)
-        points, visibility = self._read_tracks(X, reset=True)
+    def _check_pairs(self, model, visibility):
+        """Frame pairs, of which one sees as many tracks as the model needs."""
         n_tracks, n_frames = visibility.shape
         if n_frames <= self.frame_gap:
             raise ValueError(
@@ -136,21 +150,24 @@ class HypothesisSampler(
                 f"seen in the same two frames; the best frame pair has {most} "
                 f"(n_samples={n_tracks})"
             )
-        self.frame_pairs_ = pairs
-        self.hypotheses_ = draw_hypotheses(
-            points,
-            visibility,
-            pairs,
-            model,
-            self.n_hypotheses,
-            check_random_state(self.random_state),
-        )
-        self._centres, self._scale = working_coordinates(points, visibility)
-        return points, visibility
+        return pairs
 
-    @property
-    def _n_features_out(self):
-        return self.hypotheses_.shape[0] * self.hypotheses_.shape[1]
+    def get_feature_names_out(
+        self, input_features: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.object_]:
+        """Names of the residual columns, such as ``pair0_hypothesis3``.
+
+        Parameters
+        ----------
+        input_features : ignored
+
+        Returns
+        -------
+        ndarray of str, shape (n_pairs * n_hypotheses,)
+        """
+        check_is_fitted(self)
+        n_pairs, n_hypotheses = self.hypotheses_.shape[:2]
+        return column_names(n_pairs, n_hypotheses)
 
     @_fit_context(prefer_skip_nested_validation=True)
     @single_threaded
@@ -167,9 +184,10 @@ class HypothesisSampler(
         Returns
         -------
         ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
-            As :meth:`transform`.
+            As :meth:`transform` gives them.
         """
-        return self._residuals(*self._fit(X))
+        points, visibility = self._read_tracks(X, reset=True)
+        return self._fit(points, visibility)._residuals(points, visibility)
 
     @single_threaded
     def transform(self, X: npt.ArrayLike) -> npt.NDArray[np.float32]:
@@ -184,13 +202,15 @@ class HypothesisSampler(
         ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
             Squared Sampson errors in squared pixels, pair-major: the columns of the
             first frame pair, then those of the second. NaN where the track is unseen
-            in the pair.
+            in the pair. The number of hypotheses per pair travels with them, for
+            :class:`ORKKernel`.
         """
         check_is_fitted(self)
         return self._residuals(*self._read_tracks(X, reset=False))
 
     def _residuals(self, points, visibility):
-        return residual_matrix(points, visibility, *self._residual_arguments)
+        matrix = residual_matrix(points, visibility, *self._residual_arguments)
+        return Residuals.of_groups(matrix, self.hypotheses_.shape[1])
 
     def _blocks(self, points, visibility, chosen=slice(None)):
         """What ``transform`` gives, a frame pair at a time, of all or some."""

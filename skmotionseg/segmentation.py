@@ -1,49 +1,51 @@
-"""From tracks to motions: the estimator most people use, and the plain pipeline."""
+"""From tracks to motions: the estimator that most people use."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Sequence
+from contextlib import contextmanager
+from functools import partial
+from hashlib import blake2b
 from numbers import Integral, Real
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 from joblib import Memory
-from sklearn.base import BaseEstimator, ClusterMixin, _fit_context
-from sklearn.pipeline import FeatureUnion, Pipeline
+from sklearn.base import BaseEstimator, ClusterMixin, _fit_context, clone
 from sklearn.utils import check_random_state
-from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.geometry.tracks import filled_frames, pack_tracks
-from ._core.graph.cuts import own_shares
+from ._core.geometry.description_length import clip_geometry
+from ._core.geometry.motion_models import MotionModel
+from ._core.geometry.tracks import non_empty_frames
+from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
-from ._core.partition.search import PartitionSearch, search_partitions
+from ._core.partition.motions import fit_motions
+from ._core.partition.search import SPARSITIES, search_partitions
 from ._parallel.threads import single_threaded
-from ._segmenter.landmarks import landmarks_of
-from ._segmenter.memory import check_batch_size, number_of_landmarks
+from ._segmenter.landmarks import choose_landmarks
+from ._segmenter.memory import number_of_landmarks
+from ._segmenter.motions import label_reasons, motions_in_pixels
 from ._segmenter.report import SegmentationReport, follow_pairs, make_report
+from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
     ALL_MODELS,
     check_models,
-    fit_branches,
-    make_branch,
-    model_seeds,
+    fit_views,
+    make_view,
     place_tracks,
+    view_seeds,
 )
-from ._utils.validation import TracksInput, get_fusion
+from ._utils.validation import TracksInput, check_cacheable, check_fusion
 from .cluster import MultiModelSpectralClustering
-from .model_selection import (
-    EigengapModelSelector,
-    NCREModelSelector,
-    SelfTuningModelSelector,
-)
+from .kernels import ORKKernel
+from .model_selection import Fusing
 
-# One exponent of the epsilon-neighbourhood for all data, where the graph is to choose.
-GRAPH_SPARSITY = 6.0
 # Restarts of k-means for each of many candidates; a single partition gets more.
 SEARCH_RESTARTS = 8
 
@@ -61,60 +63,65 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     ----------
     n_motions : int or "auto", default="auto"
         Number of motions, the static scene being one.
-    models : sequence of str, default=("affine", "homography", "fundamental")
-        Motion models to combine; their order does not matter.
+    models : sequence of str or MotionModel, \
+default=("affine", "homography", "fundamental")
+        Motion models to combine, by name or as :class:`MotionModel`; their order does
+        not matter.
     n_hypotheses : int, default=500
-        Hypotheses a frame pair and model.
+        Hypotheses per frame pair and model.
     frame_gap : int, default=1
         Frames between the two of a pair, for the hypotheses. (Description lengths are
         measured at gaps of one and four frames.)
-    top : float, default=0.1
-        Share of a pair's hypotheses a track keeps (see :class:`ORKKernel`).
-    sparsity : float or "auto", default="auto"
-        Exponent of the epsilon-neighbourhood (see :class:`ORKKernel`). "auto" is 4
-        and 8 for ``selection="description_length"``, and 6 otherwise.
-    covisibility_prior : float, default=2
-        How little few common frames count (see :class:`ORKKernel`).
-    fusion : {"kernel_addition", "coreg", "subset"}, default="kernel_addition"
+    kernel : ORKKernel or None, default=None
+        How residuals become affinities. None is ``ORKKernel()``. Its
+        ``sparsity="auto"`` is 4 and 8 for ``selection="description_length"``, which
+        tries both, and 6 otherwise.
+    fusion : {"kernel_addition", "coreg", "subset"} or callable, \
+default="kernel_addition"
         How the models are joined (see :class:`MultiModelSpectralClustering`).
     lam, gamma : float, default=1e-2
         Weights of the fusions "coreg" and "subset".
-    selection : {"description_length", "ncre", "eigengap", "self_tuning"}, \
-default="description_length"
-        How the partition is chosen. "description_length" tries several and takes the
-        one that describes the tracks best by a fundamental matrix a motion and frame
-        pair and cuts the graph little. The others choose the number of motions by the
-        graph alone: "ncre", as the paper, by normalised cut and reconstruction error
-        (see :class:`NCREModelSelector`); "eigengap" and "self_tuning", with which the
-        paper compares it, by eigenvalues (:class:`EigengapModelSelector`) and by
-        eigenvectors (:class:`SelfTuningModelSelector`, which does not take 1).
+    selection : {"description_length", "ncre", "eigengap", "self_tuning"} or \
+estimator, default="description_length"
+        How the partition is chosen. "description_length" tries several, with 8 restarts
+        of k-means each, and takes the one that describes the tracks best by a
+        fundamental matrix per motion and frame pair and cuts the graph little. The
+        others choose the number of motions by the graph alone: "ncre", as the paper, by
+        normalised cut and reconstruction error (see :class:`NCREModelSelector`);
+        "eigengap" and "self_tuning", with which the paper compares it, by eigenvalues
+        (:class:`EigengapModelSelector`) and by eigenvectors
+        (:class:`SelfTuningModelSelector`, which does not take 1). An estimator gets the
+        affinities of all models side by side, ``(n, n_models * n)``, and sets
+        ``labels_``; if ``n_motions`` is given, it is set as its ``n_clusters``, if it
+        has such a parameter. An estimator has its own fusion, ``delta`` and range of
+        counts.
     delta : float, default=0.2
         Weight of the reconstruction error, for ``selection="ncre"`` (see
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
         Numbers to choose from when ``n_motions="auto"``.
     reject_outliers : bool, default=True
-        Whether a track that no motion explains gets -1, for
+        Whether a track that is an inlier of no motion gets -1, for
         ``selection="description_length"``; the other rules keep all tracks. Motions are
-        fitted to those of their tracks that they explain best, and explain what stays
-        within six standard deviations of their noise (a fifth of a pixel in 640 x 480,
-        if it is less).
+        fitted to those of their tracks that they explain best. Their inliers are within
+        six standard deviations of their noise (a fifth of a pixel in 640 x 480, if it
+        is less).
     n_landmarks : int, "auto" or None, default="auto"
         Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
         all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
-        above that 600 (1,500): as many from each of 30 pieces into which a first look
-        at tracks from all places and frames has cut the video, so that a small thing
-        is not outvoted.
+        above that 600 (1,500): as many from each of 30 over-segments into which a first
+        look at tracks from all places and frames has cut the video, so that a small
+        thing is not outvoted.
         None fits all, whatever memory that takes: with the square of their number.
-    batch_size : int or "auto", default="auto"
-        Tracks that are placed at a time; "auto" is 2,048.
     memory : str, joblib.Memory or None, default=None
         Caches the affinities of each model, so that fitting the same tracks with
         another ``n_motions``, ``models``, ``fusion``, ``lam``, ``gamma`` or ``delta``
-        does not compute them again. Needs an integer ``random_state``.
+        does not compute them again. Needs an integer ``random_state``, and warns where
+        there is none.
     n_jobs : int or None, default=None
-        Models, and batches of tracks to place, at a time, as in joblib, whose
-        ``parallel_config`` says where.
+        Number of models to fit, and of batches of tracks to place, in parallel.
+        ``None`` means 1 unless in a :obj:`joblib.parallel_backend` context. ``-1``
+        means using all processors. See :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
         Drives hypotheses and k-means. A model's hypotheses do not depend on which
         other models there are.
@@ -122,21 +129,44 @@ default="description_length"
     Attributes
     ----------
     labels_ : ndarray of int, shape (n_tracks,)
-        ``0..n_motions_ - 1``, the largest motion first; -1 for a track that no motion
-        explains, or that shares no preference with another, such as one that is seen in
-        a single frame.
+        ``0..n_motions_ - 1``, the largest motion first; -1 for a track that belongs to
+        no motion.
+    label_reasons_ : ndarray of str, shape (n_tracks,)
+        Why: "assigned"; or, of the tracks labelled -1, "outlier", where no motion has
+        the track as an inlier, "too short", where no frame pair sees it (as when it is
+        seen in a single frame), and "isolated", where it shares no preference with
+        another track.
     probabilities_ : ndarray of shape (n_tracks,)
         How sure each label is, from 0 to 1: the share of a track's affinity that is to
         tracks of its own motion; 0 for -1. On KT3DMoSeg the tenth of the tracks that
         are least sure holds four fifths of a clip's errors.
     n_motions_ : int
+    frame_pairs_ : ndarray of int, shape (n_pairs, 2)
+        Frames, by their number, to which the motions were fitted in the end.
+    matrices_ : ndarray of shape (n_motions_, n_pairs, 3, 3)
+        Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
+        in the first and y in the second frame, of unit norm. NaN where fewer than
+        eight tracks of the motion are seen.
+    residuals_ : ndarray of shape (n_pairs, n_tracks), float32
+        Sampson distance of each track from its own motion, in pixels. NaN where the
+        pair does not see it, for tracks of no motion, and where there is no matrix.
+    inlier_thresholds_ : ndarray of shape (n_motions_,)
+        Six standard deviations of a motion's noise, in pixels.
+    inliers_ : ndarray of bool, shape (n_pairs, n_tracks)
+        Whether the residual is within the threshold of the track's own motion. The
+        mask of motion m is ``inliers_ & (labels_ == m)``.
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each, the normalised cut, the description length (nats an observation) or
-        the reconstruction error, and the total. The cheapest count is taken, but by
-        description length only if each two motions gain from being apart. For
-        "eigengap" and "self_tuning" see the ``costs_`` of their estimators.
+        For each, two terms, such as the normalised cut and the description length per
+        observation, and the weighted total. The count of the lowest total is taken, but
+        by description length only if each two motions gain from being apart.
+    cost_names_ : (str, str)
+        What the two terms are.
+    cost_weights_ : (float, float)
+        Their weights in the total.
+    cost_tolerance_ : float
+        Totals that differ by no more are equal.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
         For each, the best partition.
     best_index_ : int
@@ -146,16 +176,18 @@ default="description_length"
         it was passed over for that; else -1.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         The tracks that were fitted, by their position.
-    branches_ : dict of str to (HypothesisSampler, ORKKernel)
+    views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted on the landmarks, in the frames that see
         any track.
+    selector_ : estimator or None
+        The one that was fitted to the affinities, if ``selection`` is of that kind.
     stage_seconds_ : dict
         Seconds for the choice of "landmarks", for "hypotheses" and "kernel" (summed
         over the models, whether or not they ran at the same time, and as first computed
         if they are from ``memory``), "clustering", "placing" of tracks that are no
         landmarks, and "total" of this fit.
     n_features_in_ : int
-        Two columns a frame.
+        Two columns per frame.
 
     See Also
     --------
@@ -171,8 +203,9 @@ default="description_length"
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021,
+       :doi:`10.1109/TPAMI.2019.2929146`.
 
     Examples
     --------
@@ -192,17 +225,16 @@ default="description_length"
             Interval(Integral, 1, None, closed="left"),
             StrOptions({"auto"}),
         ],
-        "models": ["array-like", str],
+        "models": ["array-like", str, MotionModel],
         "n_hypotheses": [Interval(Integral, 1, None, closed="left")],
         "frame_gap": [Interval(Integral, 1, None, closed="left")],
-        "top": [Interval(Real, 0, 1, closed="right")],
-        "sparsity": [Interval(Real, 0, None, closed="neither"), StrOptions({"auto"})],
-        "covisibility_prior": [Interval(Real, 0, None, closed="left")],
-        "fusion": [str],
+        "kernel": [ORKKernel, None],
+        "fusion": [str, callable],
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
         "selection": [
-            StrOptions({"description_length", "ncre", "eigengap", "self_tuning"})
+            StrOptions({"description_length", "ncre", "eigengap", "self_tuning"}),
+            HasMethods(["fit", "get_params", "set_params"]),
         ],
         "delta": [Interval(Real, 0, None, closed="left")],
         "min_motions": [Interval(Integral, 1, None, closed="left")],
@@ -213,10 +245,6 @@ default="description_length"
             StrOptions({"auto"}),
             None,
         ],
-        "batch_size": [
-            Interval(Integral, 1, None, closed="left"),
-            StrOptions({"auto"}),
-        ],
         "memory": [str, os.PathLike, Memory, None],
         "n_jobs": [Integral, None],
         "random_state": ["random_state"],
@@ -226,22 +254,19 @@ default="description_length"
         self,
         n_motions: int | str = "auto",
         *,
-        models: str | Sequence[str] = ALL_MODELS,
+        models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
         n_hypotheses: int = 500,
         frame_gap: int = 1,
-        top: float = 0.1,
-        sparsity: float | str = "auto",
-        covisibility_prior: float = 2.0,
-        fusion: str = "kernel_addition",
+        kernel: ORKKernel | None = None,
+        fusion: Fusing = "kernel_addition",
         lam: float = 1e-2,
         gamma: float = 1e-2,
-        selection: str = "description_length",
+        selection: str | BaseEstimator = "description_length",
         delta: float = 0.2,
         min_motions: int = 1,
         max_motions: int = 10,
         reject_outliers: bool = True,
         n_landmarks: int | str | None = "auto",
-        batch_size: int | str = "auto",
         memory: str | os.PathLike[str] | Memory | None = None,
         n_jobs: int | None = None,
         random_state: int | np.random.RandomState | None = None,
@@ -250,9 +275,7 @@ default="description_length"
         self.models = models
         self.n_hypotheses = n_hypotheses
         self.frame_gap = frame_gap
-        self.top = top
-        self.sparsity = sparsity
-        self.covisibility_prior = covisibility_prior
+        self.kernel = kernel
         self.fusion = fusion
         self.lam = lam
         self.gamma = gamma
@@ -262,7 +285,6 @@ default="description_length"
         self.max_motions = max_motions
         self.reject_outliers = reject_outliers
         self.n_landmarks = n_landmarks
-        self.batch_size = batch_size
         self.memory = memory
         self.n_jobs = n_jobs
         self.random_state = random_state
@@ -289,91 +311,40 @@ default="description_length"
             than ``n_motions`` that share a preference with another.
         """
         models = check_models(self.models)
-        get_fusion(self.fusion)
+        check_fusion(self.fusion)
+        check_cacheable(self.memory, self.random_state, "random_state")
         points, visibility = self._read_tracks(X, reset=True)
         # A frame that sees nothing must not part its neighbours.
-        self._frames = filled_frames(visibility, self.frame_gap + 1)
+        self._frames = non_empty_frames(visibility, self.frame_gap + 1)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         self._check_counts(len(points))
-        check_batch_size(self.batch_size, len(points))
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
-        started = time.perf_counter()
-        seeds = model_seeds(check_random_state(self.random_state))
-        tracks = pack_tracks(points)
-        self.landmarks_ = landmarks_of(
-            tracks,
-            n_landmarks,
-            models,
-            seeds,
-            batch_size=self.batch_size,
-            n_jobs=self.n_jobs,
-            memory=self.memory,
-        )
-        choosing = time.perf_counter()
-        self.branches_, views, seconds = fit_branches(
-            {model: self._make_branch(model, seeds[model]) for model in models},
-            tracks[self.landmarks_],
+        seeds = view_seeds(check_random_state(self.random_state), models)
+        clock = _Stopwatch()
+        with clock.measure("landmarks"):
+            self.landmarks_ = choose_landmarks(
+                points,
+                visibility,
+                n_landmarks,
+                models,
+                seeds,
+                n_jobs=self.n_jobs,
+                memory=self.memory,
+            )
+        fitted = points[self.landmarks_], visibility[self.landmarks_]
+        self.views_, affinities, seconds = fit_views(
+            {model.name: self._make_view(model, seeds) for model in models},
+            *fitted,
             self.n_jobs,
             self.memory,
         )
-        selecting = time.perf_counter()
-        search = self._select(
-            points[self.landmarks_],
-            visibility[self.landmarks_],
-            views,
-            seeds["clustering"],
-            len(tracks),
-        )
-        placing = time.perf_counter()
-        self._keep(points, visibility, tracks, search)
-        done = time.perf_counter()
-        self.stage_seconds_ = {
-            "landmarks": choosing - started,
-            "hypotheses": seconds[0],
-            "kernel": seconds[1],
-            "clustering": placing - selecting,
-            "placing": done - placing,
-            "total": done - started,
-        }
+        clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
+        with clock.measure("clustering"):
+            found = self._partition(*fitted, affinities, seeds, len(points))
+        with clock.measure("placing"):
+            self._keep(points, visibility, affinities, found)
+        self.stage_seconds_ = clock.with_total()
         return self
-
-    def _keep(self, points, visibility, tracks, search):
-        """Set what the search has found, for all tracks."""
-        self.counts_, self.costs_ = search.counts, search.costs
-        candidates, shares = self._label_all(tracks, search)
-        labels, self._explanation = _explained(
-            points, visibility, candidates[search.best], search.explanation
-        )
-        candidates[search.best] = labels
-        self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
-        self.labels_ = self.candidate_labels_[search.best]
-        self.probabilities_ = np.where(self.labels_ >= 0, shares, 0)
-        self.best_index_ = search.best
-        self.gainless_pairs_ = follow_pairs(
-            search.gainless, search.labels, self.candidate_labels_[:, self.landmarks_]
-        )
-        self.n_motions_ = int(self.labels_.max()) + 1
-
-    def _label_all(self, tracks, search):
-        """Labels (n_partitions, n_tracks), and shares (n_tracks,) of the chosen."""
-        n_tracks = len(tracks)
-        if n_tracks == len(self.landmarks_):
-            return search.labels.copy(), search.shares
-        labels = np.empty((len(search.labels), n_tracks), dtype=search.labels.dtype)
-        shares = np.empty(n_tracks)
-        labels[:, self.landmarks_], shares[self.landmarks_] = (
-            search.labels,
-            search.shares,
-        )
-        others = np.setdiff1d(np.arange(n_tracks), self.landmarks_)
-        labels[:, others], votes = self._place(tracks[others], search.labels)
-        shares[others] = votes[search.best]
-        return labels, shares
-
-    def _place(self, tracks, labels):
-        return place_tracks(
-            self.branches_, tracks, labels, self.batch_size, self.n_jobs
-        )
 
     def _check_counts(self, n_tracks):
         """Refuse numbers of motions that cannot be, before any work."""
@@ -388,78 +359,143 @@ default="description_length"
                 f"{fewest} motions are more than the tracks (n_samples={n_tracks})"
             )
 
-    def _make_branch(self, model, seed):
-        return make_branch(
+    def _make_view(self, model, seeds):
+        """Sampler and kernel of a model; the search by length sparsifies by itself."""
+        kernel = ORKKernel() if self.kernel is None else clone(self.kernel)
+        if self._by_length:
+            kernel.set_params(sparsity=None)
+        return make_view(
             model,
-            seed,
+            seeds[model.name],
             n_hypotheses=self.n_hypotheses,
             frame_gap=self.frame_gap,
-            top=self.top,
-            sparsity=self._kernel_sparsity,
-            covisibility_prior=self.covisibility_prior,
+            kernel=kernel,
         )
 
     @property
-    def _kernel_sparsity(self):
-        if self.selection == "description_length":
-            return None  # the search sparsifies, in several ways
-        return GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
+    def _by_length(self):
+        selection = self.selection
+        return isinstance(selection, str) and selection == "description_length"
 
-    def _select(self, points, visibility, views, seed, n_tracks):
+    def _partition(self, points, visibility, affinities, seeds, n_tracks):
         """Search the counts that are open by the rule that is asked for."""
+        fewest, most = self._open_counts(affinities)
         clusterer = MultiModelSpectralClustering(
             fusion=self.fusion,
             lam=self.lam,
             gamma=self.gamma,
             n_jobs=self.n_jobs,
-            random_state=seed,
+            random_state=seeds["clustering"],
         )
-        if self.selection == "description_length":
-            clusterer.set_params(n_init=SEARCH_RESTARTS)
-        n_connected = len(connected_tracks(views))
-        fewest, most = self.min_motions, min(self.max_motions, n_connected)
+        self.selector_ = None
+        if not self._by_length:
+            self.selector_ = make_selector(self.selection, clusterer, self.delta)
+            if self.n_motions != "auto":
+                set_counts(self.selector_, n_clusters=fewest)
+            elif isinstance(self.selection, str):
+                set_counts(self.selector_, min_clusters=fewest, max_clusters=most)
+            return select_by_graph(self.selector_, affinities)
+        return search_partitions(
+            points,
+            visibility,
+            affinities,
+            np.arange(fewest, most + 1),
+            self._sparsities(),
+            partial(_cluster, clusterer._fuse(), seeds["clustering"]),
+            self.reject_outliers,
+            stratified=len(self.landmarks_) < n_tracks,
+        )
+
+    def _sparsities(self):
+        """Exponents of the epsilon-neighbourhood that a search tries."""
+        sparsity = "auto" if self.kernel is None else self.kernel.sparsity
+        return SPARSITIES if sparsity == "auto" else (sparsity,)
+
+    def _open_counts(self, affinities):
+        """The fewest and the most motions that can be."""
+        n_connected = len(connected_tracks(affinities))
+        fewest: Any = self.min_motions
+        most: Any = min(self.max_motions, n_connected)
         if self.n_motions != "auto":
             fewest = most = self.n_motions
         if fewest > n_connected:
             raise ValueError(
                 f"{fewest} motions are more than the {n_connected} tracks that share "
-                f"a preference with another (n_samples={len(points)})"
+                f"a preference with another (n_samples={affinities.shape[1]})"
             )
-        if self.selection != "description_length":
-            selector = self._make_selector(clusterer, fewest, most)
-            selector.fit(np.hstack(views))
-            return PartitionSearch(
-                selector.counts_,
-                selector.costs_,
-                selector.candidate_labels_,
-                selector.best_index_,
-                own_shares(views, selector.labels_),
-            )
-        return search_partitions(
-            points,
-            visibility,
-            views,
-            np.arange(fewest, most + 1),
-            self.sparsity,
-            clusterer,
-            self.reject_outliers,
-            evenly_drawn=len(self.landmarks_) < n_tracks,
-        )
+        return fewest, most
 
-    def _make_selector(self, clusterer, fewest, most):
-        """The estimator that chooses the number of motions by the graph."""
-        counts = {"min_clusters": fewest, "max_clusters": most}
-        if self.selection == "ncre":
-            return NCREModelSelector(clusterer, delta=self.delta, **counts)
-        if self.selection == "eigengap":
-            return EigengapModelSelector(clusterer, **counts)
-        return SelfTuningModelSelector(clusterer, **counts)
+    def _keep(self, points, visibility, affinities, found):
+        """Set what the search has found, for all tracks."""
+        self.counts_, self.costs_, self.best_index_ = (
+            found.counts,
+            found.costs,
+            found.best,
+        )
+        self.cost_names_, self.cost_weights_ = found.cost_names, found.cost_weights
+        self.cost_tolerance_ = found.cost_tolerance
+        candidates, shares = self._label_all(points, visibility, found)
+        before_rejection = candidates[found.best]
+        labels, self._explanation = _without_outliers(
+            points, visibility, before_rejection, found.explanation
+        )
+        candidates[found.best] = labels
+        self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
+        self.labels_ = self.candidate_labels_[found.best]
+        self.label_reasons_ = label_reasons(
+            self.labels_, before_rejection, self._seen_in_pairs(visibility)
+        )
+        self.probabilities_ = np.where(self.labels_ >= 0, shares, 0)
+        self.gainless_pairs_ = follow_pairs(
+            found.gainless, found.labels, self.candidate_labels_[:, self.landmarks_]
+        )
+        self.n_motions_ = int(self.labels_.max()) + 1
+        self._keep_motions(points, visibility, affinities)
+        self._known = dict(zip(_digests(points), self.labels_.tolist(), strict=True))
+
+    def _keep_motions(self, points, visibility, affinities):
+        """Set matrices, residuals and inliers of the motions."""
+        if self._explanation is not None:
+            motions = self._explanation.motions
+        else:
+            some = self.landmarks_
+            geometry = clip_geometry(points[some], visibility[some])
+            motions = fit_motions(geometry, self.labels_[some], affinities.mean(axis=0))
+        (
+            self.frame_pairs_,
+            self.matrices_,
+            self.inlier_thresholds_,
+            self.residuals_,
+            self.inliers_,
+        ) = motions_in_pixels(motions, points, visibility, self.labels_, self._frames)
+
+    def _seen_in_pairs(self, visibility):
+        """Whether a frame pair of the hypotheses sees each track: bool, (n_tracks,)."""
+        sampler, _ = next(iter(self.views_.values()))
+        return visibility[:, sampler.frame_pairs_].all(axis=2).any(axis=1)
+
+    def _label_all(self, points, visibility, found):
+        """Labels (n_partitions, n_tracks), and shares (n_tracks,) of the chosen."""
+        n_tracks = len(points)
+        if n_tracks == len(self.landmarks_):
+            return found.labels.copy(), found.shares
+        labels = np.empty((len(found.labels), n_tracks), dtype=found.labels.dtype)
+        shares = np.empty(n_tracks)
+        labels[:, self.landmarks_] = found.labels
+        shares[self.landmarks_] = found.shares
+        others = np.setdiff1d(np.arange(n_tracks), self.landmarks_)
+        labels[:, others], votes = place_tracks(
+            self.views_, points[others], visibility[others], found.labels, self.n_jobs
+        )
+        shares[others] = votes[found.best]
+        return labels, shares
 
     @single_threaded
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:
         """Place tracks of the same video, fitted or not, in the motions found.
 
-        Each goes where the fitted tracks of most affinity to it are.
+        A track that was fitted has its label. Any other goes where the fitted tracks of
+        most affinity to it are.
 
         Parameters
         ----------
@@ -468,15 +504,22 @@ default="description_length"
         Returns
         -------
         ndarray of int, shape (m,)
-            -1 for a track that no motion explains, or that shares no preference with a
-            fitted one.
+            -1 for a track that no motion has as an inlier, or that shares no preference
+            with a fitted one.
         """
         check_is_fitted(self)
         points, visibility = self._read_tracks(X, reset=False)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
-        tracks = pack_tracks(points)
-        (labels,), _ = self._place(tracks, self.labels_[None, self.landmarks_])
-        return _reject(points, visibility, labels, self._explanation)
+        (labels,), _ = place_tracks(
+            self.views_,
+            points,
+            visibility,
+            self.labels_[None, self.landmarks_],
+            self.n_jobs,
+        )
+        labels = _reject(points, visibility, labels, self._explanation)
+        pairs = zip(_digests(points), labels.tolist(), strict=True)
+        return np.array([self._known.get(key, new) for key, new in pairs], dtype=int)
 
     @single_threaded
     def report(self, X: npt.ArrayLike) -> SegmentationReport:
@@ -536,7 +579,30 @@ default="description_length"
         return make_report(self, *self._read_tracks(X, reset=False))
 
 
-def _explained(points, visibility, labels, explanation):
+class _Stopwatch:
+    """Seconds of each stage of a fit."""
+
+    def __init__(self):
+        self.seconds = {}
+        self._started = time.perf_counter()
+
+    @contextmanager
+    def measure(self, stage):
+        started = time.perf_counter()
+        yield
+        self.seconds[stage] = time.perf_counter() - started
+
+    def with_total(self):
+        return {**self.seconds, "total": time.perf_counter() - self._started}
+
+
+def _cluster(fuse, seed, graph, n_clusters):
+    """Labels of a graph's tracks for a candidate, always from the same seed."""
+    rng = np.random.RandomState(seed)
+    return cluster_graph(graph, n_clusters, fuse, SEARCH_RESTARTS, rng)
+
+
+def _without_outliers(points, visibility, labels, explanation):
     """Labels without outliers, and the explanation in the order that they will get."""
     labels = _reject(points, visibility, labels, explanation)
     if explanation is not None:
@@ -547,7 +613,7 @@ def _explained(points, visibility, labels, explanation):
 
 
 def _reject(points, visibility, labels, explanation):
-    """Labels with -1 for tracks that nothing explains; the same if nothing is known."""
+    """Labels with -1 for the inliers of no motion; the same if nothing is known."""
     if explanation is None:
         return labels
     placed = labels >= 0
@@ -558,130 +624,7 @@ def _reject(points, visibility, labels, explanation):
     return labels
 
 
-def _make_clusterer(
-    n_clusters, *, delta, min_clusters, max_clusters, random_state, **fusion
-):
-    """A clusterer for a known or unknown number of motions.
-
-    Parameters
-    ----------
-    n_clusters : int or "auto"
-    delta, min_clusters, max_clusters
-        For ``n_clusters="auto"``.
-    random_state : int, RandomState instance or None
-    **fusion
-        ``fusion``, ``lam`` and ``gamma``.
-
-    Returns
-    -------
-    MultiModelSpectralClustering or NCREModelSelector
-    """
-    clusterer = MultiModelSpectralClustering(random_state=random_state, **fusion)
-    if isinstance(n_clusters, str) and n_clusters != "auto":
-        raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
-    if n_clusters == "auto":
-        return NCREModelSelector(
-            clusterer,
-            delta=delta,
-            min_clusters=min_clusters,
-            max_clusters=max_clusters,
-        )
-    return clusterer.set_params(n_clusters=n_clusters)
-
-
-def make_motion_pipeline(
-    models: str | Sequence[str] = ALL_MODELS,
-    n_clusters: int | str = "auto",
-    *,
-    n_hypotheses: int = 500,
-    frame_gap: int = 1,
-    top: float = 0.1,
-    sparsity: float | None = 6.0,
-    covisibility_prior: float = 2.0,
-    fusion: str = "kernel_addition",
-    lam: float = 1e-2,
-    gamma: float = 1e-2,
-    delta: float = 0.2,
-    min_clusters: int = 1,
-    max_clusters: int = 10,
-    memory: str | os.PathLike[str] | Memory | None = None,
-    n_jobs: int | None = None,
-    random_state: int | np.random.RandomState | None = None,
-) -> Pipeline:
-    """The paper's method as a plain scikit-learn pipeline.
-
-    Parameters
-    ----------
-    models : sequence of str
-        One branch each, named after the model.
-    n_clusters : int or "auto"
-        Number of motions; "auto" puts an :class:`NCREModelSelector` at the end.
-    n_hypotheses, frame_gap
-        As for :class:`HypothesisSampler`.
-    top, sparsity, covisibility_prior
-        As for :class:`ORKKernel`.
-    fusion, lam, gamma
-        As for :class:`MultiModelSpectralClustering`.
-    delta
-        As for :class:`NCREModelSelector`.
-    min_clusters, max_clusters : int
-        Counts to choose from when ``n_clusters="auto"``.
-    memory : str, joblib.Memory or None
-        Caches each branch, so that a sweep over the last step, or over branches set to
-        ``"drop"``, fits each sampler and kernel once. Needs an integer
-        ``random_state``.
-    n_jobs : int or None
-        Branches at a time.
-    random_state : int, RandomState instance or None
-        Seeds every step.
-
-    Returns
-    -------
-    Pipeline
-        Steps "affinity", a :class:`~sklearn.pipeline.FeatureUnion` of branches
-        ``sampler`` - ``kernel``, and "cluster".
-
-    Examples
-    --------
-    >>> from skmotionseg import make_motion_pipeline
-    >>> from skmotionseg.datasets import make_rigid_motions
-    >>> X, y = make_rigid_motions(n_tracks=70, n_frames=6, random_state=0)
-    >>> pipeline = make_motion_pipeline(n_clusters=3, n_hypotheses=100, random_state=0)
-    >>> labels = pipeline.fit_predict(X)
-    >>> pipeline.set_params(affinity__affine="drop").fit_predict(X).shape
-    (70,)
-    """
-    seeds = model_seeds(check_random_state(random_state))
-    branch_parameters = {
-        "n_hypotheses": n_hypotheses,
-        "frame_gap": frame_gap,
-        "top": top,
-        "sparsity": sparsity,
-        "covisibility_prior": covisibility_prior,
-    }
-    branches = [
-        (model, _branch_pipeline(model, seeds[model], memory, **branch_parameters))
-        for model in check_models(models)
-    ]
-    clusterer = _make_clusterer(
-        n_clusters,
-        fusion=fusion,
-        lam=lam,
-        gamma=gamma,
-        delta=delta,
-        min_clusters=min_clusters,
-        max_clusters=max_clusters,
-        random_state=seeds["clustering"],
-    )
-    return Pipeline(
-        [("affinity", FeatureUnion(branches, n_jobs=n_jobs)), ("cluster", clusterer)]
-    )
-
-
-def _branch_pipeline(model, seed, memory, **parameters):
-    sampler, kernel = make_branch(model, seed, **parameters)
-    # Pipeline never caches its last step, so the kernel must not be the last.
-    return Pipeline(
-        [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
-        memory=memory,
-    )
+def _digests(points):
+    """A short digest of each track, (n, n_frames, 2), by which it is known again."""
+    points = np.ascontiguousarray(points)
+    return [blake2b(track.tobytes(), digest_size=16).digest() for track in points]

@@ -4,8 +4,8 @@ How many motions? Reading the costs
 
 With ``n_motions="auto"``, each number of motions from ``min_motions`` to
 ``max_motions`` is tried, and ``costs_`` says what the best partition into so many
-costs: its normalised cut, its description length in nats an observation, and the sum of
-the two, the cut weighted by 0.3.
+costs: its normalised cut, its description length per observation, in nats, and the sum
+of the two, the cut weighted by 0.3.
 
 Cutting more affinities costs more, and explaining the tracks by fewer motions costs
 more: the total has its least value between.
@@ -18,9 +18,9 @@ from skmotionseg.datasets import make_rigid_motions
 
 X, y = make_rigid_motions(n_tracks=300, n_frames=12, n_motions=4, random_state=3)
 segmenter = MotionSegmenter(max_motions=8, random_state=0).fit(X)
-print("motions      cut   nats an observation   total")
+print("motions      cut   nats per observation   total")
 for count, (cut, nats, total) in zip(segmenter.counts_, segmenter.costs_, strict=True):
-    print(f"{count:7d}   {cut:6.2f}   {nats:19.2f}   {total:5.2f}")
+    print(f"{count:7d}   {cut:6.2f}   {nats:20.2f}   {total:5.2f}")
 print(f"chosen: {segmenter.n_motions_} (true: {len(set(y))})")
 
 # %%
@@ -35,6 +35,6 @@ ax.plot(segmenter.counts_, total, "o-", color="black", label="total")
 ax.plot(segmenter.counts_, nats, "s--", color="#0072b2", label="description length")
 ax.plot(segmenter.counts_, total - nats, "^:", color="#d55e00", label="0.3 x cut")
 ax.axvline(segmenter.n_motions_, color="0.8", lw=8, zorder=0, label="chosen")
-ax.set(xlabel="number of motions", ylabel="nats an observation")
+ax.set(xlabel="number of motions", ylabel="nats per observation")
 ax.legend(frameon=False)
 plt.show()

@@ -18,7 +18,7 @@ from skmotionseg import make_motion_pipeline
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
-branches = {"A": "affine", "H": "homography", "F": "fundamental"}
+models = {"A": "affine", "H": "homography", "F": "fundamental"}
 subsets = ["A", "H", "F", "AH", "HF", "AHF"]
 scenes = [
     make_rigid_motions(160, 5, 3, shapes="general", random_state=seed)
@@ -26,18 +26,15 @@ scenes = [
 ]
 
 # %%
-# With ``memory``, each branch is computed once for a scene: the subsets share it.
+# With ``memory``, each view is computed once per scene: the subsets share it.
 
 errors = np.empty((len(subsets), len(scenes)))
 with tempfile.TemporaryDirectory() as memory:
     pipeline = make_motion_pipeline(
         n_clusters=3, n_hypotheses=300, memory=memory, random_state=0
     )
-    every = dict(pipeline["affinity"].transformer_list)
     for i, subset in enumerate(subsets):
-        for letter, name in branches.items():
-            branch = every[name] if letter in subset else "drop"
-            pipeline.set_params(**{f"affinity__{name}": branch})
+        pipeline.set_params(affinity__models=[models[letter] for letter in subset])
         for j, (X, y) in enumerate(scenes):
             errors[i, j] = misclassification_error(y, pipeline.fit_predict(X))
 

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from sklearn.model_selection import GridSearchCV, KFold
 
-from skmotionseg import MotionSegmenter, PerSequence
+from skmotionseg import MotionSegmenter, ORKKernel, PerSequence
 from skmotionseg.datasets import make_rigid_motions
 
 scenes = [
@@ -23,11 +23,13 @@ sequences, labels = [X for X, y in scenes], [y for X, y in scenes]
 # The segmenter is told the number of motions and how to select a partition; the search
 # looks for the sparsity of the affinities and for the fusion of the models.
 
-segmenter = MotionSegmenter(4, n_hypotheses=200, selection="ncre", random_state=0)
+segmenter = MotionSegmenter(
+    4, n_hypotheses=200, kernel=ORKKernel(), selection="ncre", random_state=0
+)
 search = GridSearchCV(
     PerSequence(segmenter),
     {
-        "estimator__sparsity": [2, 4, 6, 8, 12, 20],
+        "estimator__kernel__sparsity": [2, 4, 6, 8, 12, 20],
         "estimator__fusion": ["kernel_addition", "coreg"],
     },
     cv=KFold(3),
@@ -43,7 +45,7 @@ results = search.cv_results_
 for fusion, style, shift in (("kernel_addition", "o-", 0), ("coreg", "s--", 0.15)):
     rows = np.flatnonzero(results["param_estimator__fusion"] == fusion)
     ax.errorbar(
-        results["param_estimator__sparsity"][rows].astype(float) + shift,
+        results["param_estimator__kernel__sparsity"][rows].astype(float) + shift,
         100 * (1 - results["mean_test_score"][rows]),
         100 * results["std_test_score"][rows],
         fmt=style,

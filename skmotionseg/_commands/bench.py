@@ -117,7 +117,7 @@ def _error_table(summary, dataset, methods):
         ours = summary[dataset, method]
         paper = PAPER[dataset].get(method, (None,) * len(figures))
         cells = zip(figures, paper, strict=True)
-        table.add_row(method, *(_figure(*ours[name], theirs) for name, theirs in cells))
+        table.add_row(method, *(_figure(ours[name], theirs) for name, theirs in cells))
     return table
 
 
@@ -142,14 +142,15 @@ def _region_table(summary, part, methods):
         cells = zip(figures, paper, strict=True)
         table.add_row(
             method,
-            *(_figure(*ours[name], theirs) for name, theirs in cells),
-            _figure(*ours["extracted"], None),
+            *(_figure(ours[name], theirs) for name, theirs in cells),
+            _figure(ours["extracted"], None),
             f"{ours['seconds']:.2f}",
         )
     return table
 
 
-def _figure(mean, spread, theirs):
+def _figure(ours, theirs):
+    mean, spread = ours
     paper = "" if theirs is None else f"\n({theirs:.2f})"
     return f"{mean:.2f}\n±{spread:.2f}{paper}"
 

@@ -40,7 +40,7 @@ class Journal:
 
     def read(self):
         """Records by what :func:`run_key` makes of their runs."""
-        records = {}
+        records: dict = {}
         if not self.path.exists():
             return records
         for line in self.path.read_bytes().splitlines():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,7 @@ def summarize_regions(records):
         over sequences, as :func:`fbms_mean` has them) and of the number of objects
         ``extracted``; the number ``visible``, and the mean ``seconds``.
     """
-    groups = defaultdict(lambda: defaultdict(list))
+    groups: Any = defaultdict(lambda: defaultdict(list))
     for record in records:
         key = record["dataset"], record["set"], record["method"]
         groups[key][record["seed"]].append(record)
@@ -83,7 +84,7 @@ def _summarize(seeds):
     names = FBMSScores._fields
     scores = 100 * np.array(
         [
-            fbms_mean([[record[name] for name in names] for record in records])
+            fbms_mean([FBMSScores(*(r[name] for name in names)) for r in records])
             for records in seeds
         ]
     )

@@ -8,15 +8,17 @@ from collections import defaultdict
 from contextlib import closing
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from .._parallel.tasks import Task
+from .._segmenter.views import ALL_MODELS
 from .._version import __version__
 from ..datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from ..metrics import misclassification_error
-from ..segmentation import ALL_MODELS, MotionSegmenter
+from ..segmentation import MotionSegmenter
 from .checkpoints import run_key
 from .region_runs import REGION_LOADERS, has_regions, measure_regions
 
@@ -30,7 +32,7 @@ LOADERS = {
 
 # The paper's methods choose the number of motions as the paper does; then those that it
 # compares with, on the affinity of homographies as there, and on that of all models.
-METHODS = {
+METHODS: dict[str, dict[str, Any]] = {
     **{model: {"models": (model,), "selection": "ncre"} for model in ALL_MODELS},
     **{
         fusion: {"fusion": fusion, "selection": "ncre"}
@@ -195,9 +197,9 @@ def _measure(sequence, params, seed):
         return measure_regions(sequence, params, seed)
     X, y = sequence.data, sequence.target
     n_motions = len(np.unique(y[y >= 0]))
+    counts: list[dict[str, Any]] = [{"n_motions": n_motions}, {}, {"min_motions": 2}]
     known, unknown, from_2 = (
-        MotionSegmenter(random_state=seed, **params, **count).fit(X)
-        for count in ({"n_motions": n_motions}, {}, {"min_motions": 2})
+        MotionSegmenter(random_state=seed, **params, **count).fit(X) for count in counts
     )
     seconds = {
         stage: known.stage_seconds_[stage]
@@ -234,7 +236,7 @@ def summarize(records):
         ``correct``, ``correct_from_2`` (all in percent); and the mean ``seconds`` of
         each stage.
     """
-    groups = defaultdict(lambda: defaultdict(list))
+    groups: Any = defaultdict(lambda: defaultdict(list))
     for record in records:
         groups[record["dataset"], record["method"]][record["seed"]].append(record)
     return {
@@ -270,7 +272,7 @@ def _summarize_group(seeds):
 # then median where given), and mean error / correct count with it unknown, for counts
 # from 1 and from 2; percent. MTPV62 counts are of 62 clips, ours of the outdoor clips
 # found.
-PAPER = {
+PAPER: dict[str, dict[str, Any]] = {
     "Hopkins155": {
         "affine": (0.59, None, 4.80, 82.58, 3.06, 89.68),
         "homography": (0.71, None, 3.95, 87.10, 2.70, 92.26),

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from functools import lru_cache, wraps
 from threading import Lock
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -37,7 +37,7 @@ class _SharedLimit:
     def __init__(self):
         self._lock = Lock()
         self._n_users = 0
-        self._limiter = None
+        self._limiter: Any = None
 
     def __enter__(self):
         with self._lock:

@@ -1,40 +1,41 @@
-"""Which tracks are fitted where there are too many, so that no motion is too few."""
+"""Which tracks are fitted where there are too many, so that no motion has too few."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from .._core.geometry.coverage import choose_landmarks, draw_evenly
-from .._core.geometry.tracks import unpack_tracks
+from .._core.geometry.coverage import draw_covering, draw_stratified
+from .._core.graph.clustering import cluster_graph
+from .._core.graph.fusion import kernel_addition
 from .._core.graph.spectral import ViewGraph
 from .._parallel.tasks import noting
-from ..cluster import MultiModelSpectralClustering
-from .views import fit_branches, make_branch, place_tracks
+from .views import fit_views, make_view, place_tracks
 
-# A first look: so many tracks, cut by hypotheses this few into so many pieces.
+# A first look: so many tracks, cut by hypotheses this few into so many over-segments.
 FIRST_LANDMARKS = 600
 FIRST_HYPOTHESES = 200
-PIECES = 30
+OVER_SEGMENTS = 30
+RESTARTS = 5
 
 
-def landmarks_of(
-    tracks, n_landmarks, models, seeds, *, batch_size="auto", n_jobs=None, memory=None
+def choose_landmarks(
+    points, visibility, n_landmarks, models, seeds, *, n_jobs=None, memory=None
 ):
     """Positions of the tracks to fit: all, or a choice.
 
     A thing that covers a fiftieth of the image has a fiftieth of the tracks, and a cut
     through the background is then cheaper than one around it. So a first choice of
-    tracks, which covers all places, displacements and frames, is cut into many pieces,
-    all tracks are placed in these, and as many landmarks are drawn from each.
+    tracks, which covers all places, displacements and frames, is over-segmented, all
+    tracks are placed in the over-segments, and as many landmarks are drawn from each.
 
     Parameters
     ----------
-    tracks : ndarray of shape (n_tracks, 2 * n_frames)
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
     n_landmarks : int
-    models : list of str
+    models : list of MotionModel
     seeds : dict
         One for each model, and that of the choice, by name.
-    batch_size : int or "auto"
     n_jobs : int or None
     memory : str, path, joblib.Memory or None
 
@@ -48,28 +49,27 @@ def landmarks_of(
     ValueError
         If so few tracks leave no frame pair with as many as a model needs.
     """
-    if n_landmarks == len(tracks):
-        return np.arange(len(tracks))
+    if n_landmarks == len(points):
+        return np.arange(len(points))
     rng = np.random.RandomState(seeds["landmarks"])
-    n_first = min(max(FIRST_LANDMARKS, n_landmarks), len(tracks))
-    first = choose_landmarks(*unpack_tracks(tracks), n_first, rng)
-    branches = {
-        model: make_branch(model, seeds[model], n_hypotheses=FIRST_HYPOTHESES)
+    n_first = min(max(FIRST_LANDMARKS, n_landmarks), len(points))
+    first = draw_covering(points, visibility, n_first, rng)
+    views = {
+        model.name: make_view(model, seeds[model.name], n_hypotheses=FIRST_HYPOTHESES)
         for model in models
     }
     with noting(
-        f"looking at {n_first} tracks of {len(tracks)}; n_landmarks says how many"
+        f"looking at {n_first} tracks of {len(points)}; n_landmarks says how many"
     ):
-        fitted, affinities, _ = fit_branches(branches, tracks[first], n_jobs, memory)
-    pieces = _pieces(affinities, rng)
-    placed, _ = place_tracks(fitted, tracks, pieces[None], batch_size, n_jobs)
-    return draw_evenly(placed[0], n_landmarks, rng)
+        fitted, affinities, _ = fit_views(
+            views, points[first], visibility[first], n_jobs, memory
+        )
+    segments = _over_segment(affinities, rng)
+    placed, _ = place_tracks(fitted, points, visibility, segments[None], n_jobs)
+    return draw_stratified(placed[0], n_landmarks, rng)
 
 
-def _pieces(affinities, rng):
+def _over_segment(affinities, rng):
     """Labels of many small groups of tracks that are alike."""
-    graph = ViewGraph.from_affinities(affinities, PIECES)
-    clusterer = MultiModelSpectralClustering(
-        graph.n_leading, fusion="kernel_addition", n_init=5, random_state=rng
-    )
-    return clusterer.cluster_graph(graph)
+    graph = ViewGraph.from_affinities(affinities, OVER_SEGMENTS)
+    return cluster_graph(graph, graph.n_leading, kernel_addition, RESTARTS, rng)

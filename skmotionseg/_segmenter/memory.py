@@ -1,4 +1,4 @@
-"""How many tracks are fitted, what memory that takes, and the batches of the others."""
+"""How many tracks are fitted, and what memory that takes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 
 # Landmarks for tracks that are seen in every frame. Where each is seen in fewer, there
 # are more, for as many in a frame, up to the largest number.
-TRACKS_A_FRAME = 300
+TRACKS_PER_FRAME = 300
 LEAST_LANDMARKS, MOST_LANDMARKS = 600, 1500
 # So many times the landmarks are still fitted as they are: to choose among them would
 # lose more than it saves.
 WORTH_CHOOSING = 2
-# Tracks placed at a time, unless said otherwise.
-TRACKS_A_BATCH = 2048
-# Bytes an affinity between two tracks takes at the worst moment of a fit, a model: as
-# it is, sparsified twice and normalised for two sets of models.
-BYTES_AN_AFFINITY = 80
+# Tracks placed at a time.
+TRACKS_PER_BATCH = 2048
+# Bytes that an affinity between two tracks takes at the worst moment of a fit, per
+# model: as it is, sparsified twice and normalised for two sets of models.
+BYTES_PER_AFFINITY = 80
 # Memory that is taken without a word.
 SMALL_BYTES = 4 * 2**30
 
@@ -50,7 +50,7 @@ def number_of_landmarks(n_landmarks, visibility, n_models):
         return n_tracks
     if n_landmarks == "auto":
         filled = visibility[:, visibility.any(axis=0)]  # empty frames have no say
-        enough = TRACKS_A_FRAME / (filled.mean() if filled.size else 1)
+        enough = TRACKS_PER_FRAME / (filled.mean() if filled.size else 1)
         enough = int(np.clip(enough, LEAST_LANDMARKS, MOST_LANDMARKS))
         return enough if n_tracks > WORTH_CHOOSING * enough else n_tracks
     if n_landmarks > n_tracks:
@@ -62,23 +62,8 @@ def number_of_landmarks(n_landmarks, visibility, n_models):
     return n_landmarks
 
 
-def batches(n_rows, batch_size):
-    """Slices of so many rows, the last one shorter."""
-    size = TRACKS_A_BATCH if batch_size == "auto" else batch_size
-    return [slice(start, start + size) for start in range(0, n_rows, size)]
-
-
-def check_batch_size(batch_size, n_tracks):
-    """Refuse batches of more tracks than there are."""
-    if batch_size != "auto" and batch_size > n_tracks:
-        raise ValueError(
-            f"batch_size={batch_size} is more than the tracks (n_samples={n_tracks}); "
-            "'auto' fits any number"
-        )
-
-
 def _check_memory(n_fitted, n_models):
-    needed = BYTES_AN_AFFINITY * n_models * n_fitted**2
+    needed = BYTES_PER_AFFINITY * n_models * n_fitted**2
     free = _free_bytes()
     if free is not None and needed > free:
         raise MemoryError(

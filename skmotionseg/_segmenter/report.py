@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import html
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from .._core.geometry.description_length import clip_geometry
 from .._core.geometry.model_choice import choose_model
-from .cost_terms import cost_terms, cost_tolerance
+from .motions import ISOLATED, OUTLIER, TOO_SHORT
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ class SegmentationReport:
         "fundamental", or None if no frame pair sees eight of its tracks;
         ``residual`` and ``residual_90``, the median and the 90th percentile over its
         tracks of their distance from this model, in pixels (NaN without one); and
-        ``description_lengths``, a dict of nats an observation by model, of which the
+        ``description_lengths``, a dict of nats per observation by model, of which the
         least decides.
     counts : tuple of records
         For each number of motions that was tried, ``n_motions``: the two ``terms`` of
@@ -67,6 +68,9 @@ class SegmentationReport:
         Tracks labelled -1.
     n_judged : int
         Tracks that models and residuals are of: the landmarks.
+    unassigned : dict of str to int
+        How many tracks are labelled -1 for each reason: "outlier", "too short",
+        "isolated" (see ``label_reasons_`` of :class:`MotionSegmenter`).
     term_names : (str, str)
         What the two terms are.
     weights : (float, float)
@@ -91,15 +95,74 @@ class SegmentationReport:
     n_frames: int
     n_outliers: int
     n_judged: int
+    unassigned: dict[str, int]
     term_names: tuple[str, str]
     weights: tuple[float, float]
 
-    def __str__(self):
+    def to_dict(self) -> dict[str, Any]:
+        """All numbers as plain dicts, lists and scalars, as JSON takes them.
+
+        Returns
+        -------
+        dict
+            The fields by name; records are dicts, tuples are lists, NaN is None.
+        """
+        return _plain(asdict(self))
+
+    def motion_rows(self) -> list[dict[str, Any]]:
+        """One flat row per motion, such as a ``pandas.DataFrame`` takes.
+
+        Returns
+        -------
+        list of dict
+            ``label``, ``n_tracks``, ``share``, ``n_frames``, ``model``, ``residual``
+            and ``residual_90`` in pixels, and the description length per observation
+            by each model.
+        """
+        rows = []
+        for motion in self.motions:
+            row = asdict(motion)
+            lengths, frames = row.pop("description_lengths"), row.pop("frames")
+            row["n_frames"] = len(frames)
+            rows.append(row | {f"length_{name}": x for name, x in lengths.items()})
+        return rows
+
+    def count_rows(self) -> list[dict[str, Any]]:
+        """One flat row per number of motions that was tried.
+
+        Returns
+        -------
+        list of dict
+            ``n_motions``, both terms by their name, ``total``, ``chosen`` and
+            ``verdict``.
+        """
+        first, second = self.term_names
+        return [
+            {
+                "n_motions": count.n_motions,
+                first: count.terms[0],
+                second: count.terms[1],
+                "total": count.total,
+                "chosen": count.chosen,
+                "verdict": count.verdict,
+            }
+            for count in self.counts
+        ]
+
+    def __str__(self) -> str:
         parts = [_summary(self), _motion_lines(self), _count_lines(self)]
         return "\n\n".join(parts)
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         return f"<pre>{html.escape(str(self))}</pre>"
+
+
+def _plain(value):
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    return None if isinstance(value, float) and np.isnan(value) else value
 
 
 # ----------------------------------------------------------------------------- making
@@ -131,7 +194,6 @@ def make_report(segmenter, points, visibility):
         )
     fitted = np.ix_(landmarks, segmenter._frames)
     geometry = clip_geometry(points[fitted], visibility[fitted])
-    weights, term_names = cost_terms(segmenter)
     return SegmentationReport(
         motions=tuple(
             _motion_record(label, labels, visibility, geometry, landmarks)
@@ -142,8 +204,12 @@ def make_report(segmenter, points, visibility):
         n_frames=visibility.shape[1],
         n_outliers=int((labels < 0).sum()),
         n_judged=len(landmarks),
-        term_names=term_names,
-        weights=weights,
+        unassigned={
+            reason: int((segmenter.label_reasons_ == reason).sum())
+            for reason in (OUTLIER, TOO_SHORT, ISOLATED)
+        },
+        term_names=segmenter.cost_names_,
+        weights=segmenter.cost_weights_,
     )
 
 
@@ -165,10 +231,10 @@ def _motion_record(label, labels, visibility, geometry, landmarks):
 
 def _count_records(segmenter):
     counts, costs, best = segmenter.counts_, segmenter.costs_, segmenter.best_index_
-    tolerance = cost_tolerance(segmenter)
+    tolerance = segmenter.cost_tolerance_
     for position, (count, cost) in enumerate(zip(counts, costs, strict=True)):
-        pair = tuple(segmenter.gainless_pairs_[position].tolist())
-        pair = None if min(pair) < 0 else pair
+        labels = segmenter.gainless_pairs_[position].tolist()
+        pair = None if min(labels) < 0 else tuple(labels)
         rise = cost[2] - costs[best, 2]
         verdict = _verdict(pair, rise, tolerance, count < counts[best])
         if position == best:
@@ -189,8 +255,8 @@ def _verdict(gainless_pair, rise, tolerance, is_fewer):
         first, second = gainless_pair
         return f"motions {first} and {second} gain too little"
     if rise > tolerance:
-        return f"dearer by {rise:.2g}"
-    return f"as cheap, but {'fewer' if is_fewer else 'more'} motions"
+        return f"cost higher by {rise:.2g}"
+    return f"same cost, but {'fewer' if is_fewer else 'more'} motions"
 
 
 def _verdict_of_chosen(gainless_pair, n_counts):
@@ -230,7 +296,20 @@ def _summary(report):
     n_motions = len(report.motions)
     return (
         f"{n_motions} motion{'' if n_motions == 1 else 's'} in {report.n_tracks} "
-        f"tracks, {report.n_outliers} of no motion, {report.n_frames} frames"
+        f"tracks, {_unassigned(report)}, {report.n_frames} frames"
+    )
+
+
+def _unassigned(report):
+    """``3 unassigned (2 outliers, 1 isolated)``."""
+    plural = {OUTLIER: "outliers"}
+    reasons = [
+        f"{n} {reason if n == 1 else plural.get(reason, reason)}"
+        for reason, n in report.unassigned.items()
+        if n
+    ]
+    return f"{report.n_outliers} unassigned" + (
+        f" ({', '.join(reasons)})" if reasons else ""
     )
 
 
@@ -263,10 +342,10 @@ def pixels(residual):
 
 
 def _count_lines(report):
-    names = [name.rpartition(" ") for name in report.term_names]
+    names = [_halves(name) for name in report.term_names]
     header = [
-        ("", *(first for first, _, _ in names), "", ""),
-        ("motions", *(last for _, _, last in names), "total", ""),
+        ("", *(first for first, _ in names), "", ""),
+        ("motions", *(last for _, last in names), "total", ""),
     ]
     rows = [
         (
@@ -278,6 +357,15 @@ def _count_lines(report):
         for count in report.counts
     ]
     return f"{_table(header, rows, 'rrrrl')}\n{_formula(report)}"
+
+
+def _halves(name):
+    """A name on two lines, parted where they are of most equal length."""
+    words = name.split()
+    if len(words) == 1:
+        return "", name
+    parts = [(" ".join(words[:i]), " ".join(words[i:])) for i in range(1, len(words))]
+    return min(parts, key=lambda both: max(map(len, both)))
 
 
 def _formula(report):

@@ -3,41 +3,23 @@
 from __future__ import annotations
 
 import os
+import warnings
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
-from joblib import wrap_non_picklable_objects
 from sklearn.utils.validation import check_memory, check_non_negative, validate_data
 
-from .._core.geometry.motion_models import (
-    MOTION_MODELS,
-    added_motion_models,
-    receive_motion_models,
-)
+from .._core.geometry.motion_models import MOTION_MODELS, MotionModel
 from .._core.geometry.tracks import unpack_tracks
-from .._core.graph.spectral import FUSIONS
+from .._core.graph.fusion import FUSIONS
 
 
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
 
-    All of them read their input through :meth:`_read_tracks` alone. They know motion
-    models by name, so a pickle of them brings along those that other processes may not
-    have registered.
+    All of them read their input through :meth:`_read_tracks` alone.
     """
-
-    def __getstate__(self):
-        state = super().__getstate__()
-        added = added_motion_models()
-        if added:  # with functions of scripts and notebooks, perhaps
-            added = wrap_non_picklable_objects(added, keep_wrapper=False)
-            state = {**state, "_added_motion_models": added}
-        return state
-
-    def __setstate__(self, state):
-        state = dict(state)
-        receive_motion_models(state.pop("_added_motion_models", {}))
-        super().__setstate__(state)
 
     def _read_tracks(self, X, *, reset):
         """Check tracks and unpack them.
@@ -60,7 +42,7 @@ class TracksInput:
             fewer than four, or holds infinities.
         """
         if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
-            X = X.astype(float).filled(np.nan)  # masked is unseen
+            X = np.ma.filled(X.astype(float), np.nan)  # masked is unseen
         X = read_matrix(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )
@@ -72,7 +54,7 @@ class TracksInput:
         return unpack_tracks(X)
 
     def __sklearn_tags__(self):
-        tags = super().__sklearn_tags__()
+        tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.allow_nan = True
         return tags
 
@@ -81,6 +63,26 @@ def as_memory(memory):
     """A joblib.Memory, of one, a path or None, which remembers nothing."""
     is_path = isinstance(memory, os.PathLike)
     return check_memory(os.fspath(memory) if is_path else memory)
+
+
+def check_cacheable(memory: object, random_state: object, name: str) -> None:
+    """Warn where nothing that is kept could be found again.
+
+    Parameters
+    ----------
+    memory : object
+        As given to an estimator; None is no memory.
+    random_state : object
+        Of the same estimator.
+    name : str
+        Of the parameter, for the message.
+    """
+    if memory is not None and not isinstance(random_state, int | np.integer):
+        warnings.warn(
+            f"memory has no effect without an integer {name}, for other seeds give "
+            f"other results; got {name}={random_state!r}",
+            stacklevel=4,
+        )
 
 
 def read_matrix(estimator, X, **checks):
@@ -93,33 +95,37 @@ def read_matrix(estimator, X, **checks):
         return validate_data(estimator, X, **checks)
 
 
-def get_motion_model(name):
-    """The registered motion model of that name.
+def get_motion_model(model: str | MotionModel) -> MotionModel:
+    """A motion model, of itself or of its name.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If there is none of that name.
     """
-    try:
-        return MOTION_MODELS[name]
-    except (KeyError, TypeError):
+    if isinstance(model, MotionModel):
+        return model
+    if not isinstance(model, str) or model not in MOTION_MODELS:
         raise ValueError(
-            f"unknown motion model {name!r}; expected one of {sorted(MOTION_MODELS)}"
-        ) from None
+            f"unknown motion model {model!r}; expected a MotionModel or one of "
+            f"{sorted(MOTION_MODELS)}"
+        )
+    return MOTION_MODELS[model]
 
 
-def get_fusion(name):
-    """The fusion of that name.
+def check_fusion(fusion: str | Callable) -> None:
+    """Refuse what is neither the name of a fusion nor a function.
 
     Raises
     ------
     ValueError
-        If there is none.
+        If it is another name.
     """
-    if name not in FUSIONS:
-        raise ValueError(f"unknown fusion {name!r}; expected one of {sorted(FUSIONS)}")
-    return FUSIONS[name]
+    if not callable(fusion) and fusion not in FUSIONS:
+        raise ValueError(
+            f"unknown fusion {fusion!r}; expected a callable or one of "
+            f"{sorted(FUSIONS)}"
+        )
 
 
 def read_affinities(estimator, X):
@@ -147,7 +153,9 @@ def read_affinities(estimator, X):
     if width % n:
         raise ValueError(
             "stacked affinities need shape (n, n_views * n), square blocks side by "
-            f"side; got {X.shape}"
+            f"side; got {X.shape} (the rows of a fold are no stacked affinities: "
+            "cross-validate tracks, with make_motion_pipeline, or use one split of all "
+            "rows)"
         )
     views = np.ascontiguousarray(X.reshape(n, -1, n).swapaxes(0, 1))
     for v, view in enumerate(views):

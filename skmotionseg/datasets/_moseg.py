@@ -106,7 +106,8 @@ def _whole(text, numbers, place, what, least=1):
 
 def _track_starts(text, numbers, n_tracks):
     """Where the label of each track is among the numbers."""
-    starts, start = [], 2
+    starts: list[int] = []
+    start = 2
     while len(starts) < n_tracks:
         if start + 2 > len(numbers):
             raise ValueError(
@@ -184,7 +185,7 @@ def read_definition(path):
     lines.title("Ground truth definition file")
     lines.title("Total number of regions")
     n_regions = lines.number("number of regions", least=1)
-    scales = []
+    scales: list[int] = []
     while len(scales) < n_regions:  # a count of billions ends with the file
         scales.append(lines.titled_number(f"scale of region {len(scales)}", most=2**24))
     if len(set(scales)) < n_regions:
@@ -197,7 +198,7 @@ def read_definition(path):
     n_frames = lines.number("number of frames", least=1)
     lines.title("Total number of labeled frames")
     n_masks = lines.number("number of labeled frames", least=1)
-    masks = []
+    masks: list[tuple[int, str]] = []
     while len(masks) < n_masks:
         lines.title("Frame number")
         frame = lines.number("frame number")

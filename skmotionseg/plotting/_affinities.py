@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
 from sklearn.pipeline import FeatureUnion, Pipeline
 
 from .._core.graph.cuts import reconstruction_error
@@ -18,6 +23,9 @@ from ._drawing import (
     read_stacked,
     require_pyplot,
 )
+
+if TYPE_CHECKING:
+    pass
 
 # Inches a matrix, and matrices a row where there is one view.
 PANEL, COLUMNS = 2.3, 4
@@ -74,16 +82,30 @@ class AffinityDisplay:
     ['view 0', '1 motion: error 0.59', '2 motions: error 0.00']
     """
 
-    def __init__(self, affinities, partitions, *, labels=None, view_names=None):
-        self.affinities = affinities
-        self.partitions = partitions
-        self.labels = labels
+    def __init__(
+        self,
+        affinities: npt.ArrayLike,
+        partitions: Sequence[npt.ArrayLike],
+        *,
+        labels: npt.ArrayLike | None = None,
+        view_names: Sequence[str] | None = None,
+    ) -> None:
+        self.affinities: Any = affinities
+        self.partitions: Any = partitions
+        self.labels: Any = labels
         self.view_names = view_names
 
     @classmethod
     def from_estimator(
-        cls, estimator, X, *, counts=None, labels=None, axes=None, colorbar=True
-    ):
+        cls,
+        estimator: BaseEstimator,
+        X: Any,
+        *,
+        counts: npt.ArrayLike | None = None,
+        labels: npt.ArrayLike | None = None,
+        axes: Any = None,
+        colorbar: bool = True,
+    ) -> Self:
         """Draw the affinities that a fitted estimator clustered.
 
         Parameters
@@ -134,14 +156,14 @@ class AffinityDisplay:
     @classmethod
     def from_predictions(
         cls,
-        affinities,
-        partitions,
+        affinities: npt.ArrayLike,
+        partitions: Sequence[npt.ArrayLike],
         *,
-        labels=None,
-        view_names=None,
-        axes=None,
-        colorbar=True,
-    ):
+        labels: npt.ArrayLike | None = None,
+        view_names: Sequence[str] | None = None,
+        axes: Any = None,
+        colorbar: bool = True,
+    ) -> Self:
         """Draw affinities and partitions that are at hand.
 
         Parameters
@@ -163,7 +185,7 @@ class AffinityDisplay:
         display = cls(affinities, partitions, labels=labels, view_names=view_names)
         return display.plot(axes=axes, colorbar=colorbar)
 
-    def plot(self, *, axes=None, colorbar=True):
+    def plot(self, *, axes: Any = None, colorbar: bool = True) -> Self:
         """Draw a row of matrices a view: the affinity, then its reconstructions.
 
         Parameters
@@ -194,7 +216,7 @@ class AffinityDisplay:
         )
         self.order_ = _order(labels, partitions)
         self.images_ = np.empty(shape, dtype=object)
-        self.outlines_ = []
+        self.outlines_: list[Any] = []
         for row, (view, name) in enumerate(zip(views, names, strict=True)):
             matrices = [view, *(reconstruction(view, p) for p in partitions)]
             titles = [name, *(_title(view, p) for p in partitions)]
@@ -266,7 +288,9 @@ def _order(labels, partitions):
     return np.lexsort(last[::-1])
 
 
-def reconstruction(affinity, labels):
+def reconstruction(
+    affinity: npt.ArrayLike, labels: npt.ArrayLike
+) -> npt.NDArray[np.floating]:
     """What a partition makes of an affinity: ``X X^T`` at the norm of ``K``.
 
     Parameters
@@ -348,14 +372,24 @@ def _partitions(estimator, counts):
 
 def _views_and_names(estimator, X):
     """Affinities (n_views, n, n) among the rows, and the names of the views."""
-    if hasattr(estimator, "branches_"):
-        branches = estimator.branches_
-        affinities = [k.transform(s.transform(X)) for s, k in branches.values()]
-        return np.stack(affinities), list(branches)
+    if hasattr(estimator, "views_"):
+        views = estimator.views_
+        affinities = [k.transform(s.transform(X)) for s, k in views.values()]
+        return np.stack(affinities), list(views)
     names = None
     if isinstance(estimator, Pipeline):
         for step in estimator[:-1].named_steps.values():
             if isinstance(step, FeatureUnion):
-                names = [n for n, branch in step.transformer_list if branch != "drop"]
+                names = _names_of_union(step)
         X = estimator[:-1].transform(X)
     return read_stacked(X), names
+
+
+def _names_of_union(union):
+    """Names of the models that take part."""
+    models = getattr(union, "models", None)
+    return [
+        name
+        for name, view in union.transformer_list
+        if view != "drop" and (models is None or name in models)
+    ]

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Self
+
 import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
 
 from .._core.labels import canonical_labels
-from .._segmenter.cost_terms import cost_terms
 from .._utils.colours import series_colour
 from .._utils.optional import require
 from ..model_selection import NCREModelSelector, partition_costs
@@ -18,6 +22,9 @@ from ._drawing import (
     read_stacked,
     require_pyplot,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MARKERS = ("o", "s", "D")
 
@@ -76,23 +83,25 @@ class CountDisplay:
 
     def __init__(
         self,
-        counts,
-        costs,
-        chosen,
+        counts: npt.ArrayLike,
+        costs: npt.ArrayLike,
+        chosen: int,
         *,
-        weights=(1, 1),
-        term_names=("normalised cut", "reconstruction error"),
-        passed_over=None,
-    ):
-        self.counts = counts
-        self.costs = costs
+        weights: tuple[float, float] = (1, 1),
+        term_names: tuple[str, str] = ("normalised cut", "reconstruction error"),
+        passed_over: npt.ArrayLike | None = None,
+    ) -> None:
+        self.counts: Any = counts
+        self.costs: Any = costs
         self.chosen = chosen
         self.weights = weights
         self.term_names = term_names
         self.passed_over = passed_over
 
     @classmethod
-    def from_estimator(cls, estimator, *, ax=None):
+    def from_estimator(
+        cls, estimator: BaseEstimator, *, ax: Axes | None = None
+    ) -> Self:
         """Draw what the counts that a fitted estimator tried cost.
 
         Parameters
@@ -118,19 +127,25 @@ class CountDisplay:
                 f"{type(last).__name__} does not compare numbers of motions; give an "
                 "NCREModelSelector or a MotionSegmenter"
             )
-        weights, term_names = cost_terms(last)
         display = cls(
             last.counts_,
             last.costs_,
             int(last.counts_[last.best_index_]),
-            weights=weights,
-            term_names=term_names,
+            weights=getattr(last, "cost_weights_", (1, 1)),
+            term_names=getattr(last, "cost_names_", ("first term", "second term")),
             passed_over=_passed_over(last),
         )
         return display.plot(ax=ax)
 
     @classmethod
-    def from_predictions(cls, affinities, partitions, *, delta=None, ax=None):
+    def from_predictions(
+        cls,
+        affinities: npt.ArrayLike,
+        partitions: Sequence[npt.ArrayLike],
+        *,
+        delta: float | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Draw what partitions that are at hand cost by NCRE, the paper's choice.
 
         Parameters
@@ -156,20 +171,20 @@ class CountDisplay:
         """
         views = read_stacked(affinities)
         n = views.shape[1]
-        partitions = [check_labels(p, n, "a partition") for p in partitions]
-        partitions = sorted(map(canonical_labels, partitions), key=count_motions)
-        counts = np.array([count_motions(p) for p in partitions])
+        checked = [check_labels(p, n, "a partition") for p in partitions]
+        labellings = sorted(map(canonical_labels, checked), key=count_motions)
+        counts = np.array([count_motions(p) for p in labellings])
         if not len(counts) or len(set(counts)) < len(counts):
             raise ValueError(
                 "there must be one partition a number of motions; got some of "
                 f"{counts.tolist()}"
             )
         delta = NCREModelSelector().delta if delta is None else delta
-        costs = np.stack([partition_costs(views, p, delta) for p in partitions])
+        costs = np.stack([partition_costs(views, p, float(delta)) for p in labellings])
         chosen = int(counts[costs[:, 2].argmin()])
         return cls(counts, costs, chosen, weights=(1, delta)).plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Axes | None = None) -> Self:
         """Draw.
 
         Parameters
@@ -213,15 +228,7 @@ class CountDisplay:
             label=f"chosen: {self.chosen}",
         )
         self.lines_ = [
-            self.ax_.plot(
-                counts,
-                weight * cost,
-                color=series_colour(position),
-                marker=MARKERS[position],
-                markersize=4,
-                linewidth=2 if position == 2 else 1.2,
-                label=name,
-            )[0]
+            self._draw_curve(counts, weight * cost, position, name)
             for position, (cost, weight, name) in enumerate(
                 zip(costs.T, weights, names, strict=True)
             )
@@ -233,6 +240,17 @@ class CountDisplay:
         self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
         self.legend_ = legend_below(self.ax_, 2)
         return self
+
+    def _draw_curve(self, counts, values, position, name):
+        return self.ax_.plot(
+            counts,
+            values,
+            color=series_colour(position),
+            marker=MARKERS[position],
+            markersize=4,
+            linewidth=2 if position == 2 else 1.2,
+            label=name,
+        )[0]
 
     def _draw_hollow(self, counts, totals, hollow):
         return self.ax_.plot(

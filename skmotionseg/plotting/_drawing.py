@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
 from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._utils.optional import require
 from .._utils.validation import split_views
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-def require_pyplot():
+
+def require_pyplot() -> Any:
     """matplotlib's pyplot, or an ImportError that names the extra."""
     return require("matplotlib.pyplot", extra="plot")
 
 
-def figure_and_ax(ax, figsize, layout="constrained"):
+def figure_and_ax(
+    ax: Axes | None, figsize: tuple[float, float], layout: str = "constrained"
+) -> tuple[Any, Axes]:
     """The figure of the axes given, or a new one of that size in inches."""
     if ax is not None:
         return ax.figure, ax
     return require_pyplot().subplots(figsize=figsize, layout=layout)
 
 
-def legend_below(ax, n_columns):
+def legend_below(ax: Axes, n_columns: int) -> Any:
     """A legend under the axis label, as far from it on high axes as on low ones."""
     transforms = require("matplotlib.transforms", extra="plot")
     down = transforms.ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
@@ -37,13 +47,15 @@ def legend_below(ax, n_columns):
     )
 
 
-def last_step(estimator):
+def last_step(estimator: BaseEstimator) -> Any:
     """The fitted estimator that holds the labels: the last of a pipeline."""
     check_is_fitted(estimator)
     return estimator[-1] if isinstance(estimator, Pipeline) else estimator
 
 
-def check_labels(labels, n_tracks, name="labels"):
+def check_labels(
+    labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
+) -> npt.NDArray[np.integer]:
     """Labels as an array of integers, one a track.
 
     Raises
@@ -61,7 +73,9 @@ def check_labels(labels, n_tracks, name="labels"):
     return labels
 
 
-def check_names(names, count, what, default):
+def check_names(
+    names: Sequence[str] | None, count: int, what: str, default: Any
+) -> list[str]:
     """Names as a list of str, one each.
 
     Raises
@@ -75,7 +89,7 @@ def check_names(names, count, what, default):
     return names
 
 
-def read_stacked(affinities):
+def read_stacked(affinities: npt.ArrayLike) -> npt.NDArray[np.floating]:
     """Stacked affinities (n, n_views * n) as views (n_views, n, n).
 
     Raises
@@ -90,12 +104,12 @@ def read_stacked(affinities):
     return split_views(affinities, shape[1] // shape[0])
 
 
-def count_motions(labels):
+def count_motions(labels: npt.ArrayLike) -> int:
     """Motions among the labels; -1 is none."""
     labels = np.asarray(labels)
     return len(np.unique(labels[labels >= 0]))
 
 
-def counted(count, noun):
+def counted(count: int, noun: str) -> str:
     """``1 motion``, ``2 motions``."""
     return f"{count} {noun}" + ("" if count == 1 else "s")

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import shorten
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from sklearn.base import clone
+import numpy.typing as npt
+from sklearn.base import BaseEstimator, clone
 
 from .._utils.colours import series_colour
 from ..metrics import misclassification_error
 from ._drawing import check_names, figure_and_ax, legend_below, require_pyplot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # Inches a bar, and between the bars of two sequences.
 BAR, GAP = 0.13, 0.1
@@ -54,15 +59,26 @@ class SequenceErrorDisplay:
     'coreg (mean 10.0 %)'
     """
 
-    def __init__(self, errors, method_names=None, sequence_names=None):
-        self.errors = errors
+    def __init__(
+        self,
+        errors: npt.ArrayLike,
+        method_names: Sequence[str] | None = None,
+        sequence_names: Sequence[str] | None = None,
+    ) -> None:
+        self.errors: Any = errors
         self.method_names = method_names
         self.sequence_names = sequence_names
 
     @classmethod
     def from_records(
-        cls, records, *, dataset=None, methods=None, value="error_known", ax=None
-    ):
+        cls,
+        records: Sequence[dict[str, Any]],
+        *,
+        dataset: str | None = None,
+        methods: Sequence[str] | None = None,
+        value: str = "error_known",
+        ax: Axes | None = None,
+    ) -> Self:
         """Draw what ``skmotionseg bench --json FILE`` wrote.
 
         Parameters
@@ -96,8 +112,15 @@ class SequenceErrorDisplay:
 
     @classmethod
     def from_estimator(
-        cls, estimators, X, y, *, seeds=None, sequence_names=None, ax=None
-    ):
+        cls,
+        estimators: dict[str, BaseEstimator],
+        X: Sequence[Any],
+        y: Sequence[Any],
+        *,
+        seeds: Any = None,
+        sequence_names: Sequence[str] | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Fit estimators to sequences, one by one, and draw their errors.
 
         Parameters
@@ -139,7 +162,14 @@ class SequenceErrorDisplay:
         return cls(errors, list(estimators), sequence_names).plot(ax=ax)
 
     @classmethod
-    def from_predictions(cls, y_true, y_pred, *, sequence_names=None, ax=None):
+    def from_predictions(
+        cls,
+        y_true: Sequence[npt.ArrayLike],
+        y_pred: dict[str, Any],
+        *,
+        sequence_names: Sequence[str] | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Draw the errors of labels that are at hand.
 
         Parameters
@@ -172,7 +202,7 @@ class SequenceErrorDisplay:
         ]
         return cls(errors, list(methods), sequence_names).plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Axes | None = None) -> Self:
         """Draw a group of bars a sequence, the first on top.
 
         Parameters
@@ -200,7 +230,7 @@ class SequenceErrorDisplay:
             )
         if not ((errors >= 0) & (errors <= 1)).all():
             raise ValueError("errors must be in 0 to 1; they are drawn in percent")
-        n_methods, n_sequences, n_seeds = errors.shape
+        n_methods, n_sequences, _ = errors.shape
         methods = check_names(
             self.method_names,
             n_methods,
@@ -215,19 +245,10 @@ class SequenceErrorDisplay:
         )
         group = n_methods * BAR + GAP
         self.figure_, self.ax_ = figure_and_ax(ax, (6.4, 1.3 + n_sequences * group))
-        self.bars_ = []
-        for i, (values, name) in enumerate(zip(100 * errors, methods, strict=True)):
-            self.bars_.append(
-                self.ax_.barh(
-                    np.arange(n_sequences) + (i - (n_methods - 1) / 2) * BAR / group,
-                    values.mean(axis=1),
-                    height=BAR / group,
-                    xerr=values.std(axis=1) if n_seeds > 1 else None,
-                    error_kw={"elinewidth": 0.9, "ecolor": "0.35"},
-                    color=series_colour(i),
-                    label=f"{name} (mean {values.mean():.1f} %)",
-                )
-            )
+        self.bars_ = [
+            self._draw_bars(100 * values, name, i, i - (n_methods - 1) / 2, group)
+            for i, (values, name) in enumerate(zip(errors, methods, strict=True))
+        ]
         self.ax_.set(xlabel="misclassified tracks (%)", ylim=(n_sequences - 0.5, -0.5))
         self.ax_.set_yticks(np.arange(n_sequences), sequences, fontsize="small")
         self.ax_.tick_params(axis="y", length=0)
@@ -237,6 +258,19 @@ class SequenceErrorDisplay:
         self.ax_.set_xlim(left=0)
         self.legend_ = legend_below(self.ax_, min(2, n_methods))
         return self
+
+    def _draw_bars(self, percent, name, position, offset, group):
+        """One method's bars, (n_sequences, n_seeds), beside those of the others."""
+        n_sequences, n_seeds = percent.shape
+        return self.ax_.barh(
+            np.arange(n_sequences) + offset * BAR / group,
+            percent.mean(axis=1),
+            height=BAR / group,
+            xerr=percent.std(axis=1) if n_seeds > 1 else None,
+            error_kw={"elinewidth": 0.9, "ecolor": "0.35"},
+            color=series_colour(position),
+            label=f"{name} (mean {percent.mean():.1f} %)",
+        )
 
 
 def _check_lengths(X, y):

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
+
 from .._segmenter.report import pixels
 from ._counts import CountDisplay
 from ._drawing import last_step, legend_below, require_pyplot
 from ._tracks import MotionDisplay
+
+if TYPE_CHECKING:
+    pass
 
 # Inches: both parts side by side, the tracks the wider one.
 FIGURE_SIZE = (12, 5)
@@ -54,18 +62,34 @@ class ReportDisplay:
     True
     """
 
-    def __init__(self, report, X, labels, *, frame=None, image=None, trail=5):
+    def __init__(
+        self,
+        report: Any,
+        X: npt.ArrayLike,
+        labels: npt.ArrayLike,
+        *,
+        frame: int | None = None,
+        image: npt.ArrayLike | None = None,
+        trail: int = 5,
+    ) -> None:
         self.report = report
-        self.X = X
-        self.labels = labels
+        self.X: Any = X
+        self.labels: Any = labels
         self.frame = frame
-        self.image = image
+        self.image: Any = image
         self.trail = trail
 
     @classmethod
     def from_estimator(
-        cls, segmenter, X, *, frame=None, image=None, trail=5, axes=None
-    ):
+        cls,
+        segmenter: BaseEstimator,
+        X: npt.ArrayLike,
+        *,
+        frame: int | None = None,
+        image: npt.ArrayLike | None = None,
+        trail: int = 5,
+        axes: Any = None,
+    ) -> Self:
         """Draw what a fitted segmenter found, and why.
 
         Parameters
@@ -99,7 +123,7 @@ class ReportDisplay:
         )
         return display.plot(axes=axes)
 
-    def plot(self, *, axes=None):
+    def plot(self, *, axes: Any = None) -> Self:
         """Draw.
 
         Parameters

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Real
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
-from sklearn.base import clone
+import numpy.typing as npt
+from sklearn.base import BaseEstimator, clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted
 
@@ -24,6 +27,9 @@ from ._drawing import (
     legend_below,
     require_pyplot,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # The weight of each fusion that has one: its parameter, and how it is written.
 WEIGHTS = {"coreg": ("lam", r"$\lambda$"), "subset": ("gamma", r"$\gamma$")}
@@ -83,16 +89,31 @@ class FusionWeightDisplay:
     """
 
     def __init__(
-        self, values, errors, view_errors=(), *, view_names=None, weight_name="weight"
-    ):
-        self.values = values
-        self.errors = errors
-        self.view_errors = view_errors
+        self,
+        values: npt.ArrayLike,
+        errors: npt.ArrayLike,
+        view_errors: npt.ArrayLike = (),
+        *,
+        view_names: Sequence[str] | None = None,
+        weight_name: str = "weight",
+    ) -> None:
+        self.values: Any = values
+        self.errors: Any = errors
+        self.view_errors: Any = view_errors
         self.view_names = view_names
         self.weight_name = weight_name
 
     @classmethod
-    def from_estimator(cls, clusterer, X, y, *, values, view_names=None, ax=None):
+    def from_estimator(
+        cls,
+        clusterer: BaseEstimator,
+        X: Sequence[Any],
+        y: Sequence[Any],
+        *,
+        values: npt.ArrayLike,
+        view_names: Sequence[str] | None = None,
+        ax: Axes | None = None,
+    ) -> Self:
         """Cluster sequences with each weight and draw the errors.
 
         Parameters
@@ -126,30 +147,27 @@ class FusionWeightDisplay:
                 f"{clusterer.fusion!r}"
             )
         parameter, symbol = WEIGHTS[clusterer.fusion]
-        values = _check_values(values)
+        weights = _check_values(values)
         if not len(X) or len(X) != len(y):
             raise ValueError(
                 f"got {len(X)} stacked affinities and {len(y)} label arrays"
             )
         y = [check_labels(labels, len(x)) for x, labels in zip(X, y, strict=True)]
+
+        def errors_of(value, affinities, labels):
+            params = {parameter: value, "n_clusters": count_motions(labels)}
+            weighted = clone(clusterer).set_params(**params)
+            return _fused_and_view_errors(weighted, affinities, labels)
+
         # (n_values, n_sequences, 1 + n_views)
         errors = np.array(
             [
-                [
-                    _fused_and_view_errors(
-                        clone(clusterer).set_params(
-                            **{parameter: value, "n_clusters": count_motions(labels)}
-                        ),
-                        affinities,
-                        labels,
-                    )
-                    for affinities, labels in zip(X, y, strict=True)
-                ]
-                for value in values
+                [errors_of(value, *pair) for pair in zip(X, y, strict=True)]
+                for value in weights
             ]
         )
         return cls(
-            values,
+            weights,
             errors[..., 0],
             np.moveaxis(errors[..., 1:], 2, 0),
             view_names=view_names,
@@ -159,14 +177,14 @@ class FusionWeightDisplay:
     @classmethod
     def from_predictions(
         cls,
-        values,
-        errors,
-        view_errors=(),
+        values: npt.ArrayLike,
+        errors: npt.ArrayLike,
+        view_errors: npt.ArrayLike = (),
         *,
-        view_names=None,
-        weight_name="weight",
-        ax=None,
-    ):
+        view_names: Sequence[str] | None = None,
+        weight_name: str = "weight",
+        ax: Axes | None = None,
+    ) -> Self:
         """Draw errors that are at hand.
 
         Parameters
@@ -193,7 +211,7 @@ class FusionWeightDisplay:
         )
         return display.plot(ax=ax)
 
-    def plot(self, *, ax=None):
+    def plot(self, *, ax: Axes | None = None) -> Self:
         """Draw.
 
         Parameters
@@ -324,17 +342,32 @@ class GridDisplay:
     '5.0'
     """
 
-    def __init__(self, errors, x_values, y_values, *, x_name="x", y_name="y"):
-        self.errors = errors
-        self.x_values = x_values
-        self.y_values = y_values
+    def __init__(
+        self,
+        errors: npt.ArrayLike,
+        x_values: Sequence[Any],
+        y_values: Sequence[Any],
+        *,
+        x_name: str = "x",
+        y_name: str = "y",
+    ) -> None:
+        self.errors: Any = errors
+        self.x_values: Any = x_values
+        self.y_values: Any = y_values
         self.x_name = x_name
         self.y_name = y_name
 
     @classmethod
     def from_estimator(
-        cls, search, *, x=None, y=None, negated=False, ax=None, colorbar=True
-    ):
+        cls,
+        search: BaseEstimator,
+        *,
+        x: str | None = None,
+        y: str | None = None,
+        negated: bool = False,
+        ax: Axes | None = None,
+        colorbar: bool = True,
+    ) -> Self:
         """Draw a fitted search.
 
         Parameters
@@ -363,8 +396,15 @@ class GridDisplay:
 
     @classmethod
     def from_cv_results(
-        cls, cv_results, *, x=None, y=None, negated=False, ax=None, colorbar=True
-    ):
+        cls,
+        cv_results: dict[str, Any],
+        *,
+        x: str | None = None,
+        y: str | None = None,
+        negated: bool = False,
+        ax: Axes | None = None,
+        colorbar: bool = True,
+    ) -> Self:
         """Draw the results of a search.
 
         Parameters
@@ -413,7 +453,7 @@ class GridDisplay:
         display = cls(grid, x_values, y_values, **names)
         return display.plot(ax=ax, colorbar=colorbar)
 
-    def plot(self, *, ax=None, colorbar=True):
+    def plot(self, *, ax: Axes | None = None, colorbar: bool = True) -> Self:
         """Draw.
 
         Parameters
@@ -447,8 +487,10 @@ class GridDisplay:
         finite = np.isfinite(errors)
         least = errors[finite].min() if finite.any() else None
         for at, error in np.ndenumerate(errors):
+            row, column = at
             self.texts_[at] = self.ax_.text(
-                *at[::-1],
+                column,
+                row,
                 f"{error:.1f}" if np.isfinite(error) else "-",
                 ha="center",
                 va="center",

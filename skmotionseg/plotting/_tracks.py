@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from numbers import Integral
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
 
 from .._core.geometry.tracks import unpack_tracks
 from .._utils.colours import motion_colour
@@ -18,11 +22,21 @@ from ._drawing import (
     require_pyplot,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 # How much of an image is left under the tracks.
 PALE = 0.6
 
 
-def plot_motions(X, labels, *, frames=None, ax=None, title=None):
+def plot_motions(
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    *,
+    frames: Sequence[int] | None = None,
+    ax: Axes | None = None,
+    title: str | None = None,
+) -> Any:
     """Draw tracks between two frames, coloured by motion.
 
     Parameters
@@ -65,22 +79,8 @@ def plot_motions(X, labels, *, frames=None, ax=None, title=None):
     ax = plt.subplots(figsize=(6.4, 4))[1] if ax is None else ax
     for label in np.unique(labels):
         rows = shared & (labels == label)
-        start, end = points[rows, first], points[rows, second]
-        outlier = label < 0
-        colour = motion_colour(label)
-        ax.plot(
-            *np.stack([start, end]).T[..., ::1].swapaxes(1, 2), color=colour, lw=0.8
-        )
-        name = "no motion" if outlier else f"motion {label}"
-        ax.scatter(
-            *end.T,
-            s=14 if outlier else 7,
-            color=colour,
-            marker="x" if outlier else "o",
-            linewidths=0.8 if outlier else 0,
-            label=f"{name} ({int((labels == label).sum())})",
-            zorder=3,
-        )
+        ends = points[rows, first], points[rows, second]
+        _draw_between(ax, *ends, label, int((labels == label).sum()))
     ax.set(xlabel="x (pixels)", ylabel="y (pixels)", aspect="equal", title=title or "")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()
@@ -151,26 +151,34 @@ class MotionDisplay:
     [0, 1, 2]
     """
 
-    def __init__(self, X, labels, *, frame=None, image=None, trail=5):
-        self.X = X
-        self.labels = labels
+    def __init__(
+        self,
+        X: npt.ArrayLike,
+        labels: npt.ArrayLike,
+        *,
+        frame: int | None = None,
+        image: npt.ArrayLike | None = None,
+        trail: int = 5,
+    ) -> None:
+        self.X: Any = X
+        self.labels: Any = labels
         self.frame = frame
-        self.image = image
+        self.image: Any = image
         self.trail = trail
 
     @classmethod
     def from_estimator(
         cls,
-        segmenter,
-        X,
+        segmenter: BaseEstimator,
+        X: Any,
         *,
-        fitted=True,
-        frame=None,
-        image=None,
-        trail=5,
-        ax=None,
-        title=None,
-    ):
+        fitted: npt.ArrayLike = True,
+        frame: int | None = None,
+        image: npt.ArrayLike | None = None,
+        trail: int = 5,
+        ax: Axes | None = None,
+        title: str | None = None,
+    ) -> Self:
         """Draw what a fitted estimator found.
 
         Parameters
@@ -211,8 +219,16 @@ class MotionDisplay:
 
     @classmethod
     def from_predictions(
-        cls, X, labels, *, frame=None, image=None, trail=5, ax=None, title=None
-    ):
+        cls,
+        X: npt.ArrayLike,
+        labels: npt.ArrayLike,
+        *,
+        frame: int | None = None,
+        image: npt.ArrayLike | None = None,
+        trail: int = 5,
+        ax: Axes | None = None,
+        title: str | None = None,
+    ) -> Self:
         """Draw labels that are at hand.
 
         Parameters
@@ -234,7 +250,7 @@ class MotionDisplay:
         display = cls(X, labels, frame=frame, image=image, trail=trail)
         return display.plot(ax=ax, title=title)
 
-    def plot(self, *, ax=None, title=None):
+    def plot(self, *, ax: Axes | None = None, title: str | None = None) -> Self:
         """Draw.
 
         Parameters
@@ -281,15 +297,9 @@ class MotionDisplay:
                     zorder=order,
                 )
             )
-            name = f"motion {label}" if label >= 0 else "no motion"
-            self.points_[label] = self.ax_.scatter(
-                *points[rows, frame].T,
-                s=13,
-                facecolors=colour if label >= 0 else "none",
-                edgecolors="white" if label >= 0 else colour,
-                linewidths=0.3 if label >= 0 else 0.9,
-                label=f"{name} ({int((labels == label).sum())})",
-                zorder=order + 1,
+            n_tracks = int((labels == label).sum())
+            self.points_[label] = _draw_points(
+                self.ax_, points[rows, frame], label, n_tracks, order + 1
             )
         if title is None:
             title = f"frame {frame}: {int(shown.sum())} of {len(points)} tracks"
@@ -310,6 +320,40 @@ class MotionDisplay:
         if not isinstance(self.trail, Integral) or self.trail < 0:
             raise ValueError(f"trail must be a number of frames; got {self.trail!r}")
         return points, visibility, labels, frame, image
+
+
+def _draw_points(ax, points, label, n_tracks, order):
+    """The points of one motion in a frame."""
+    colour, inside = motion_colour(label), label >= 0
+    return ax.scatter(
+        points[:, 0],
+        points[:, 1],
+        s=13,
+        facecolors=colour if inside else "none",
+        edgecolors="white" if inside else colour,
+        linewidths=0.3 if inside else 0.9,
+        label=f"{f'motion {label}' if inside else 'no motion'} ({n_tracks})",
+        zorder=order,
+    )
+
+
+def _draw_between(ax, start, end, label, n_tracks):
+    """Lines from the first positions to dots, or crosses, at the second."""
+    outlier = label < 0
+    colour = motion_colour(label)
+    x, y = np.stack([start, end]).T.swapaxes(1, 2)
+    ax.plot(x, y, color=colour, lw=0.8)
+    name = "no motion" if outlier else f"motion {label}"
+    ax.scatter(
+        end[:, 0],
+        end[:, 1],
+        s=14 if outlier else 7,
+        color=colour,
+        marker="x" if outlier else "o",
+        linewidths=0.8 if outlier else 0,
+        label=f"{name} ({n_tracks})",
+        zorder=3,
+    )
 
 
 def _motions_first(labels):

@@ -90,18 +90,18 @@ def test_the_cost_is_the_mean_length_and_the_weighted_cut(scene):
     assert_allclose(cost, [cut, nats, CUT_WEIGHT * cut + nats])
 
 
-@pytest.mark.parametrize("evenly_drawn", [False, True])
-def test_motions_gain_so_many_times_their_cut(scene, evenly_drawn, monkeypatch):
+@pytest.mark.parametrize("stratified", [False, True])
+def test_motions_gain_so_many_times_their_cut(scene, stratified, monkeypatch):
     points, visibility, labels = scene
     rng = np.random.default_rng(0)
     views = rng.uniform(size=(2, 60, 60)) * (0.2 + (labels[:, None] == labels))
     views = views + views.swapaxes(1, 2)
-    judge = Judge(clip_geometry(points, visibility), views, evenly_drawn)
+    judge = Judge(clip_geometry(points, visibility), views, stratified)
     groups = [np.flatnonzero(labels == motion) for motion in (0, 1)]
     gain = max(each.gain(*groups) for each in judge.lengths)
     cut = sum(cuts_between(view, labels)[0, 1] for view in judge.views)
     names = ["GAIN_OF_CUT", "GAIN_OF_CUT_DRAWN"]
-    mine, other = names[::-1] if evenly_drawn else names
+    mine, other = names[::-1] if stratified else names
     monkeypatch.setattr(cost_module, other, np.nan)
     for share, pair in ((0.999, None), (1.001, (0, 1))):
         monkeypatch.setattr(cost_module, mine, share * gain / cut)

@@ -14,14 +14,14 @@ from skmotionseg._core.geometry.coverage import (
     NEVER_MET,
     _channels,
     _distance_to,
-    choose_landmarks,
-    draw_evenly,
+    draw_covering,
+    draw_stratified,
 )
 from skmotionseg.datasets import make_rigid_motions
 
 
 def choose(X, n_landmarks, seed=0):
-    return choose_landmarks(*unpack_tracks(X), n_landmarks, np.random.RandomState(seed))
+    return draw_covering(*unpack_tracks(X), n_landmarks, np.random.RandomState(seed))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_the_choice_depends_on_the_seed_alone(scene):
 
 def test_the_choice_does_not_depend_on_the_batch(scene, monkeypatch):
     whole = choose(scene[0], 200)
-    monkeypatch.setattr(coverage, "TRACKS_A_BATCH", 100)
+    monkeypatch.setattr(coverage, "TRACKS_PER_BATCH", 100)
     assert np.isin(choose(scene[0], 200), whole).mean() > 0.99  # but for rounding
 
 
@@ -82,7 +82,7 @@ def test_equal_tracks_can_be_chosen_among(scene):
 
 def test_groups_give_as_many_or_all_they_have():
     labels = np.repeat([0, 1, 2, -1], [100, 50, 3, 30])
-    drawn = draw_evenly(labels, 60, np.random.RandomState(0))
+    drawn = draw_stratified(labels, 60, np.random.RandomState(0))
     assert_array_equal(drawn, np.unique(drawn))
     counts = [np.sum(labels[drawn] == group) for group in (0, 1, 2, -1)]
     assert counts == [19, 19, 3, 19]

@@ -7,7 +7,7 @@ import pytest
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
-from skmotionseg._core.partition.motions import explained, fit_motions, usual
+from skmotionseg._core.partition.motions import fit_motions, inliers, usual
 from skmotionseg.datasets import make_rigid_motions
 
 
@@ -34,7 +34,7 @@ def test_a_motion_stays_what_it_is_among_two_fifths_of_rubbish(shapes):
     # Half a pixel of noise in each coordinate; rubbish takes steps of ten pixels.
     assert np.nanmedian(pixels[y == 0]) < 0.6
     assert np.nanmedian(pixels[y < 0]) > 5
-    (inside,) = explained(motions, distances[None])
+    (inside,) = inliers(motions, distances[None])
     assert inside[y == 0].all()
     assert inside[y < 0].mean() < 0.1
 
@@ -59,7 +59,7 @@ def test_a_motion_of_seven_tracks_judges_none():
     motions = fit_motions(clip_geometry(*tracks), few, linked(y))
     distances = motions.distances(*tracks)
     assert np.isnan(distances).all()
-    assert explained(motions, distances).all()
+    assert inliers(motions, distances).all()
 
 
 def test_unusual_noise_is_against_that_of_the_median_track():

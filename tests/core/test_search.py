@@ -7,10 +7,11 @@ import pytest
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._core.graph.clustering import cluster_graph
+from skmotionseg._core.graph.fusion import kernel_addition
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.cost import Cost, Judge
 from skmotionseg._core.partition.search import _choose, _Clip, _refine
-from skmotionseg.cluster import MultiModelSpectralClustering
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -63,8 +64,12 @@ def test_refinement_never_raises_the_cost(counts, seed):
     _, y, (points, visibility) = scene_with(0, seed)
     rng = np.random.default_rng(seed)
     clip = _Clip(points, visibility, linked(y)[None] * rng.uniform(0.5, 1), (4.0,))
-    clusterer = MultiModelSpectralClustering(random_state=seed)
+
+    def cluster(graph, n_clusters):
+        state = np.random.RandomState(seed)
+        return cluster_graph(graph, n_clusters, kernel_addition, 20, state)
+
     start = canonical_labels(np.where(rng.random(len(y)) < 0.1, (y + 1) % 3, y))
-    end = _refine(start, clip, np.array(list(counts)), clusterer)
+    end = _refine(start, clip, np.array(list(counts)), cluster)
     assert clip.judge.cost(end).total <= clip.judge.cost(start).total
     assert misclassification_error(y, end) < misclassification_error(y, start)

@@ -198,17 +198,17 @@ PARAMETERS = [
     ),
     case(
         "segmenter, top above 1",
-        lambda: MotionSegmenter(top=1.5).fit(X),
+        lambda: MotionSegmenter(kernel=ORKKernel(top=1.5)).fit(X),
         r"'top' parameter .* in the range \(0.*, 1",
     ),
     case(
         "segmenter, top 0",
-        lambda: MotionSegmenter(top=0).fit(X),
+        lambda: MotionSegmenter(kernel=ORKKernel(top=0)).fit(X),
         "'top' parameter",
     ),
     case(
         "segmenter, sparsity 0",
-        lambda: MotionSegmenter(sparsity=0).fit(X),
+        lambda: MotionSegmenter(kernel=ORKKernel(sparsity=0)).fit(X),
         "'sparsity' parameter",
     ),
     case(
@@ -279,7 +279,7 @@ PARAMETERS = [
     case(
         "kernel, columns that do not split",
         lambda: ORKKernel(n_hypotheses=7).fit(np.ones((5, 20))),
-        "in groups of n_hypotheses=7, one a frame pair; got 20 columns",
+        "in groups of n_hypotheses=7, one per frame pair; got 20 columns",
     ),
     case(
         "kernel, infinity",

@@ -1,5 +1,8 @@
 """scikit-learn's own checks, on every public estimator.
 
+Clusterers take several views side by side, which no tag says; those checked here say
+that theirs is one square kernel (see adapters.py).
+
 An estimator of tracks cannot take the matrices that most checks feed: they have 1, 3 or
 5 columns, where a track needs two a frame. Those failures are named here, and the same
 checks pass through a subclass that reads any matrix as tracks (see adapters.py).
@@ -10,7 +13,15 @@ from __future__ import annotations
 import warnings
 
 import pytest
-from helpers.adapters import AnyPerSequence, AnySampler, AnySegmenter
+from helpers.adapters import (
+    AnyPerSequence,
+    AnySampler,
+    AnySegmenter,
+    OneViewClustering,
+    OneViewEigengap,
+    OneViewNCRE,
+    OneViewSelfTuning,
+)
 from sklearn.utils import estimator_checks
 from sklearn.utils.estimator_checks import check_estimator
 
@@ -77,13 +88,10 @@ CASES = {
         set(),
     ),
     "ORKKernel": (ORKKernel(n_hypotheses=1), set()),
-    "MultiModelSpectralClustering": (MultiModelSpectralClustering(), NOT_AFFINITIES),
-    "NCREModelSelector": (NCREModelSelector(max_clusters=3), NOT_AFFINITIES),
-    "EigengapModelSelector": (EigengapModelSelector(max_clusters=3), NOT_AFFINITIES),
-    "SelfTuningModelSelector": (
-        SelfTuningModelSelector(max_clusters=3),
-        NOT_AFFINITIES,
-    ),
+    "MultiModelSpectralClustering": (OneViewClustering(), NOT_AFFINITIES),
+    "NCREModelSelector": (OneViewNCRE(max_clusters=3), NOT_AFFINITIES),
+    "EigengapModelSelector": (OneViewEigengap(max_clusters=3), NOT_AFFINITIES),
+    "SelfTuningModelSelector": (OneViewSelfTuning(max_clusters=3), NOT_AFFINITIES),
     "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
     "MotionSegmenter, any matrix": (AnySegmenter(3, **ENOUGH), set()),
     "MotionSegmenter, affine, count unknown, any matrix": (

@@ -312,7 +312,9 @@ def segmenters(draw):
         n_hypotheses=draw(st.integers(20, 50)),
         frame_gap=draw(mostly(st.just(1), st.integers(2, 4))),
         fusion=draw(st.sampled_from(FUSIONS)),
-        sparsity=draw(st.sampled_from(("auto", 2.0, 6.0))),
+        kernel=draw(
+            st.sampled_from((None, ORKKernel(sparsity=2.0), ORKKernel(sparsity=6.0)))
+        ),
         min_motions=draw(mostly(st.just(1), st.integers(2, 3))),
         max_motions=draw(st.integers(3, 6)),
         n_landmarks=draw(mostly(st.just("auto"), st.integers(1, 40))),

@@ -227,14 +227,15 @@ def test_a_report_has_the_costs_of_every_count(reported):
     assert chosen is report.counts[segmenter.best_index_]
     for each in report.counts:
         if each.total > chosen.total + 2e-3:
-            assert each.verdict == f"dearer by {each.total - chosen.total:.2g}"
+            assert each.verdict == f"cost higher by {each.total - chosen.total:.2g}"
 
 
 def test_a_printed_report_fits_a_terminal_and_holds_it_all(reported):
     _, _, report = reported
     lines = str(report).splitlines()
     assert max(map(len, lines)) <= 80
-    assert lines[0].endswith(f"{report.n_outliers} of no motion, 8 frames")
+    assert lines[0].endswith(", 8 frames")
+    assert f" {report.n_outliers} unassigned" in lines[0]
     for motion in report.motions:
         (line,) = (line for line in lines if line.split()[:1] == [str(motion.label)]
                    and "px" in line)  # fmt: skip
@@ -247,7 +248,7 @@ def test_a_printed_report_fits_a_terminal_and_holds_it_all(reported):
         (line,) = (line for line in lines if line.split()[:3] == row)
         assert line.endswith(f"{each.total:.4f}  {each.verdict}")
     assert all(part in lines[-1] for part in ("total = ", *report.term_names))
-    assert "of no motion" in report._repr_html_()
+    assert "unassigned" in report._repr_html_()
 
 
 def test_a_count_is_passed_over_for_the_motions_that_gain_too_little(reported):
@@ -262,15 +263,15 @@ def test_a_count_is_passed_over_for_the_motions_that_gain_too_little(reported):
     assert passed.report(X).counts[-1].verdict == "chosen: the first, as none gains"
 
 
-def test_counts_that_are_as_cheap_are_told_from_dearer_ones(reported):
+def test_counts_that_are_of_the_same_cost_are_told_from_others(reported):
     segmenter, X, _ = reported
     equal = pickle.loads(pickle.dumps(segmenter))
     equal.gainless_pairs_[:] = -1
     equal.costs_[:] = equal.costs_[0]
     equal.best_index_ = 1
     verdicts = [each.verdict for each in equal.report(X).counts]
-    assert verdicts[0] == "as cheap, but fewer motions"
-    assert set(verdicts[2:]) == {"as cheap, but more motions"}
+    assert verdicts[0] == "same cost, but fewer motions"
+    assert set(verdicts[2:]) == {"same cost, but more motions"}
 
 
 def test_a_search_says_which_counts_it_passed_over(monkeypatch):

@@ -165,7 +165,7 @@ def test_the_segmenter_chooses_as_the_selector(scene, selection, selector):
     affinities = np.hstack(
         [
             kernel.fit_transform(sampler.transform(X))
-            for sampler, kernel in segmenter.branches_.values()
+            for sampler, kernel in segmenter.views_.values()
         ]
     )
     fitted = selector(MultiModelSpectralClustering(fusion="kernel_addition")).fit(

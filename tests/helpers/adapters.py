@@ -9,7 +9,15 @@ from __future__ import annotations
 import numpy as np
 from sklearn.utils.validation import validate_data
 
-from skmotionseg import HypothesisSampler, MotionSegmenter, PerSequence
+from skmotionseg import (
+    EigengapModelSelector,
+    HypothesisSampler,
+    MotionSegmenter,
+    MultiModelSpectralClustering,
+    NCREModelSelector,
+    PerSequence,
+    SelfTuningModelSelector,
+)
 from skmotionseg._core.geometry.tracks import unpack_tracks
 
 N_FRAMES = 3
@@ -41,6 +49,31 @@ class AnySampler(ReadsAnyMatrix, HypothesisSampler):
 
 
 class AnySegmenter(ReadsAnyMatrix, MotionSegmenter):
+    pass
+
+
+class OneView:
+    """Says that its matrix is a square kernel, which is true of one view."""
+
+    def __sklearn_tags__(self):
+        tags = super().__sklearn_tags__()
+        tags.input_tags.pairwise = True
+        return tags
+
+
+class OneViewClustering(OneView, MultiModelSpectralClustering):
+    pass
+
+
+class OneViewNCRE(OneView, NCREModelSelector):
+    pass
+
+
+class OneViewEigengap(OneView, EigengapModelSelector):
+    pass
+
+
+class OneViewSelfTuning(OneView, SelfTuningModelSelector):
     pass
 
 

@@ -11,11 +11,13 @@ import json
 import pickle
 import sys
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 from joblib import parallel_config
 
 from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
+from skmotionseg._segmenter import views
 from skmotionseg.datasets import make_rigid_motions
 
 ENGINES = ("threading", "loky", "multiprocessing")
@@ -46,7 +48,7 @@ def judge(segmenter, X):
         "affinities": digest(
             *(
                 kernel.transform(sampler.transform(X[:40]))
-                for sampler, kernel in segmenter.branches_.values()
+                for sampler, kernel in segmenter.views_.values()
             )
         ),
     }
@@ -63,9 +65,13 @@ def judge_pipeline(X, n_jobs):
 
 def settings():
     """Names and parameters that must not matter."""
-    for n_jobs, batch_size in ((1, "auto"), (2, 7), (-1, 40), (1, 16)):
-        params = {"n_jobs": n_jobs, "batch_size": batch_size}
-        yield f"n_jobs={n_jobs}, batch_size={batch_size}", params
+    for n_jobs, batch_size in ((1, 2048), (2, 7), (-1, 40), (1, 16)):
+        yield f"n_jobs={n_jobs}, batches of {batch_size}", n_jobs, batch_size
+
+
+def judge_in_batches(X, n_jobs, batch_size, **params):
+    with mock.patch.object(views, "TRACKS_PER_BATCH", batch_size):
+        return judge(MotionSegmenter(n_jobs=n_jobs, **params).fit(X), X)
 
 
 def main(folder):
@@ -76,8 +82,8 @@ def main(folder):
             common = {**SMALL, **params, "n_landmarks": landmarks}
             group = f"{rule}, n_landmarks={landmarks}"
             found[group] = {
-                name: judge(MotionSegmenter(**common, **given).fit(X), X)
-                for name, given in settings()
+                name: judge_in_batches(X, n_jobs, batch_size, **common)
+                for name, n_jobs, batch_size in settings()
             }
             path = folder / f"{rule}-{landmarks}.pkl"
             if path.exists():
@@ -88,8 +94,7 @@ def main(folder):
                 found[group]["copied"] = judge(pickle.loads(pickle.dumps(fitted)), X)
             for engine in ENGINES if group in WITH_ENGINES else ():
                 with parallel_config(backend=engine, n_jobs=2):
-                    fitted = MotionSegmenter(**common, batch_size=30).fit(X)
-                    found[group][engine] = judge(fitted, X)
+                    found[group][engine] = judge_in_batches(X, None, 30, **common)
     found["pipeline"] = {str(n): judge_pipeline(X, n) for n in (1, 2, -1)}
     sequences = PerSequence(MotionSegmenter(**SMALL, max_motions=3))
     found["sequences"] = {}

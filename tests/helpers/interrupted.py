@@ -114,19 +114,19 @@ def left_over(scratch, before):
 
 
 def interrupt_fit(target, scratch):
-    expected = MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X).labels_
+    expected = MotionSegmenter(n_jobs=2, **SMALL).fit(X).labels_
     patch, calls = interrupting(target)
     wrong, before = [], pools()
     with patch:
         try:
-            MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X)
+            MotionSegmenter(n_jobs=2, **SMALL).fit(X)
             wrong.append("it went on")
         except KeyboardInterrupt:
             pass
     if len(calls) < 1:
         wrong.append("it was never there")
     wrong += left_over(scratch, before)
-    labels = MotionSegmenter(n_jobs=2, batch_size=10, **SMALL).fit(X).labels_
+    labels = MotionSegmenter(n_jobs=2, **SMALL).fit(X).labels_
     if not np.array_equal(labels, expected):
         wrong.append("the next fit gives other labels")
     return wrong

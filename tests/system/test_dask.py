@@ -15,12 +15,13 @@ from helpers.mortal import (
     pool_sizes,
     set_pool_sizes,
 )
+from helpers.own_models import SHIFT, local_shift
 from joblib import parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GridSearchCV, KFold
 
 from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
-from skmotionseg._core.geometry.motion_models import MOTION_MODELS, translation_map
+from skmotionseg._segmenter import views
 from skmotionseg.datasets import make_rigid_motions
 
 distributed = pytest.importorskip(
@@ -82,13 +83,12 @@ def assert_same(first, second):
 
 
 @pytest.mark.parametrize("n_motions", [3, "auto"])
-def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster):
+def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster, monkeypatch):
+    monkeypatch.setattr(views, "TRACKS_PER_BATCH", 20)
     X, _ = scene
 
     def fit():
-        segmenter = MotionSegmenter(
-            n_motions, max_motions=3, batch_size=20, n_jobs=2, **SMALL
-        )
+        segmenter = MotionSegmenter(n_motions, max_motions=3, n_jobs=2, **SMALL)
         segmenter.fit(X[::2])
         return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
 
@@ -150,39 +150,27 @@ def test_workers_have_one_thread_each_while_they_work(sequences, dask):
 # -------------------------------------------------------------- models of one's own
 
 
-def translation(shift):
-    """A model that workers have not registered and cannot import."""
-
-    def fit(x, y):
-        return translation_map((y - x)[..., 0, :] + shift)
-
-    return replace(MOTION_MODELS["affine"], name="translation", minimal_size=1, fit=fit)
-
-
-MODELS = ["translation", "homography"]
-
-
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: PerSequence(MotionSegmenter(2, models=MODELS, **SMALL)),
-        lambda: PerSequence(make_motion_pipeline(MODELS, 2, **SMALL)),
-        lambda: GridSearchCV(
+        lambda models: PerSequence(MotionSegmenter(2, models=models, **SMALL)),
+        lambda models: PerSequence(make_motion_pipeline(models, 2, **SMALL)),
+        lambda models: GridSearchCV(
             PerSequence(MotionSegmenter(2, **SMALL)),
-            {"estimator__models": [MODELS, MODELS[:1]]},
+            {"estimator__models": [models, models[:1]]},
             cv=KFold(2),
             error_score="raise",
         ),
     ],
     ids=["segmenter", "pipeline", "search"],
 )
-def test_workers_get_to_know_models_of_ones_own(make, sequences, dask, monkeypatch):
+def test_models_of_ones_own_are_sent_to_workers(make, sequences, dask):
     X, y = sequences
     there, here = [], []
-    for shift in (0, 0.5):  # the second replaces the first
-        monkeypatch.setitem(MOTION_MODELS, "translation", translation(shift))
-        there.append(make().fit(X, y).predict(X))
-        here.append(run_here(lambda: make().fit(X, y).predict(X)))
+    for by in (0, 0.5):
+        models = [local_shift(by), "homography"]
+        there.append(make(models).fit(X, y).predict(X))
+        here.append(run_here(lambda models=models: make(models).fit(X, y).predict(X)))
     for one, other in zip(there, here, strict=True):
         assert_same(one, other)
     assert any((a != b).any() for a, b in zip(*here, strict=True))
@@ -201,9 +189,7 @@ def test_a_worker_that_is_killed_costs_no_result(sequences, dask, tmp_path):
     assert_same(labels, run_here(lambda: PerSequence(segmenter).fit(X).predict(X)))
 
 
-def test_a_model_whose_worker_is_killed_is_fitted_again(
-    scene, dask, tmp_path, monkeypatch
-):
+def test_a_model_whose_worker_is_killed_is_fitted_again(scene, dask, tmp_path):
     X, _ = scene
     died = tmp_path / "died"
     here = os.getpid()
@@ -212,11 +198,10 @@ def test_a_model_whose_worker_is_killed_is_fitted_again(
         if os.getpid() != here and not died.exists():
             died.touch()
             os.kill(os.getpid(), 9)
-        return translation_map((y - x)[..., 0, :])
+        return SHIFT.fit(x, y)
 
-    model = replace(translation(0), fit=fit)
-    monkeypatch.setitem(MOTION_MODELS, "translation", model)
-    segmenter = MotionSegmenter(3, models=MODELS, **SMALL)
+    models = [replace(SHIFT, fit=fit), "homography"]
+    segmenter = MotionSegmenter(3, models=models, **SMALL)
     labels = segmenter.fit_predict(X)
     assert died.exists()
     assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))

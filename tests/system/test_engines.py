@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import pickle
-import subprocess
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from helpers.mortal import ReportsPoolSizes
+from helpers.own_models import SHIFT, local_shift
 from joblib import parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GridSearchCV, KFold
 
 from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
-from skmotionseg._core.geometry.motion_models import (
-    MOTION_MODELS,
-    added_motion_models,
-    receive_motion_models,
-    translation_map,
-)
 from skmotionseg._parallel.engine import run_tasks
 from skmotionseg._parallel.tasks import Task
 from skmotionseg.datasets import make_rigid_motions
@@ -113,68 +106,51 @@ def test_results_come_in_the_order_of_the_tasks():
 
 # -------------------------------------------------------------- models of one's own
 
-MODELS = ["translation", "homography"]
-
-
-def translation(shift=0):
-    """A model that no other process can import."""
-
-    def fit(x, y):
-        return translation_map((y - x)[..., 0, :] + shift)
-
-    return replace(MOTION_MODELS["affine"], name="translation", minimal_size=1, fit=fit)
+MODELS = [SHIFT, "homography"]
 
 
 @every_engine
 @pytest.mark.parametrize("make", [MotionSegmenter, make_motion_pipeline])
-def test_models_of_ones_own_are_known_in_other_processes(
-    engine, make, sequences, monkeypatch
-):
+def test_models_of_ones_own_are_sent_to_other_processes(engine, make, sequences):
     X, _ = sequences
-    monkeypatch.setitem(MOTION_MODELS, "translation", translation())
-    estimator = make(models=MODELS, **SMALL)
-    estimator = PerSequence(estimator).fit(X)
+    estimator = PerSequence(make(models=MODELS, **SMALL)).fit(X)
     assert_same(with_engine(engine, lambda: estimator.predict(X)), estimator.predict(X))
 
 
-def test_models_of_this_process_stay_and_those_received_are_replaced(monkeypatch):
-    mine, first, second = (translation(shift) for shift in range(3))
-    monkeypatch.setitem(MOTION_MODELS, "mine", mine)
-    monkeypatch.setitem(MOTION_MODELS, "theirs", mine)  # to be undone
-    del MOTION_MODELS["theirs"]
-    for model in (first, second):
-        receive_motion_models({"mine": model, "theirs": model})
-        assert MOTION_MODELS["mine"] is mine
-        assert MOTION_MODELS["theirs"] is model
-    assert added_motion_models() == {"mine": mine, "theirs": second}
+def test_models_of_a_script_are_sent_by_the_default_engine(sequences):
+    X, _ = sequences
+    models = [local_shift(), "homography"]
+    estimator = PerSequence(MotionSegmenter(models=models, **SMALL)).fit(X)
+    assert_same(with_engine("loky", lambda: estimator.predict(X)), estimator.predict(X))
 
 
-def test_seeds_of_ones_own_models_depend_on_their_names_alone(scene, monkeypatch):
+def test_a_grid_over_models_of_ones_own_in_two_processes(sequences):
+    def fit():
+        found = GridSearchCV(
+            PerSequence(MotionSegmenter(2, **SMALL)),
+            {"estimator__models": [MODELS, ["homography"]]},
+            cv=KFold(2),
+            error_score="raise",
+            n_jobs=2,
+        ).fit(*sequences)
+        return [found.cv_results_["mean_test_score"], *found.predict(sequences[0])]
+
+    assert_same(with_engine("loky", fit), fit())
+
+
+def test_the_seed_of_a_model_does_not_depend_on_which_others_there_are(scene):
     X, _ = scene
-    labels = []
-    for before in ([], ["another"]):
-        with monkeypatch.context() as patch:
-            for name in [*before, "translation"]:
-                model = replace(translation(), name=name)
-                patch.setitem(MOTION_MODELS, name, model)
-            segmenter = MotionSegmenter(3, models="translation", **SMALL).fit(X)
-            labels.append(segmenter.branches_["translation"][0].hypotheses_)
-    assert_array_equal(*labels)
-
-
-def test_a_pickle_brings_models_along(scene, tmp_path, monkeypatch):
-    X, _ = scene
-    monkeypatch.setitem(MOTION_MODELS, "translation", translation())
-    segmenter = MotionSegmenter(3, models=MODELS, **SMALL).fit(X)
-    np.save(tmp_path / "X.npy", X)
-    (tmp_path / "segmenter").write_bytes(pickle.dumps(segmenter))
-    code = (
-        "import pickle, sys, numpy as np\n"
-        "segmenter = pickle.load(open('segmenter', 'rb'))\n"
-        "print(*segmenter.predict(np.load('X.npy')))"
+    other = replace(SHIFT, name="another")
+    alone, beside = (
+        MotionSegmenter(3, models=models, **SMALL).fit(X).views_["shift"][0].hypotheses_
+        for models in ([SHIFT], [other, SHIFT, "affine"])
     )
-    command = [sys.executable, "-c", code]
-    printed = subprocess.run(
-        command, capture_output=True, text=True, check=True, cwd=tmp_path
-    ).stdout
-    assert_array_equal(np.array(printed.split(), dtype=int), segmenter.predict(X))
+    assert_array_equal(alone, beside)
+
+
+def test_a_pickle_brings_models_along(scene, tmp_path):
+    X, _ = scene
+    segmenter = MotionSegmenter(3, models=MODELS, **SMALL).fit(X)
+    restored = pickle.loads(pickle.dumps(segmenter))
+    assert restored.models[0] == SHIFT
+    assert_array_equal(restored.predict(X[1::2]), segmenter.predict(X[1::2]))

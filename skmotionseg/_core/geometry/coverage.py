@@ -9,11 +9,13 @@ from all, so neither is missed as it would be by plain chance.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 ROUNDS = 16
 # Tracks that are compared with the landmarks at a time.
-TRACKS_A_BATCH = 8192
+TRACKS_PER_BATCH = 8192
 # Squared distances above this quantile count as that: gross outliers are the farthest
 # tracks of all, and must not take all landmarks.
 FARTHEST = 0.9
@@ -21,7 +23,7 @@ FARTHEST = 0.9
 NEVER_MET = 100.0
 
 
-def choose_landmarks(points, visibility, n_landmarks, random_state):
+def draw_covering(points, visibility, n_landmarks, random_state):
     """Draw tracks that cover all places, displacements and frames.
 
     Parameters
@@ -51,7 +53,7 @@ def choose_landmarks(points, visibility, n_landmarks, random_state):
     return np.flatnonzero(~free)
 
 
-def draw_evenly(labels, n_drawn, random_state):
+def draw_stratified(labels, n_drawn, random_state):
     """Draw as many members of each group, or all where a group has not so many.
 
     Parameters
@@ -68,9 +70,12 @@ def draw_evenly(labels, n_drawn, random_state):
         Ascending.
     """
     names, sizes = np.unique(labels, return_counts=True)
-    drawn, order = [], np.argsort(sizes, kind="stable")
+    drawn: list[np.ndarray] = []
+    order = np.argsort(sizes, kind="stable")
     for n_left, group in zip(range(len(names), 0, -1), order, strict=True):
-        share = min(sizes[group], (n_drawn - sum(map(len, drawn))) // n_left)
+        share = min(
+            sizes[group], (n_drawn - sum(len(each) for each in drawn)) // n_left
+        )
         members = np.flatnonzero(labels == names[group])
         drawn.append(random_state.permutation(members)[:share])
     return np.sort(np.concatenate(drawn))
@@ -112,9 +117,9 @@ def _distance_to(channels, landmarks):
     """Mean squared distance of each track to the nearest landmark."""
     n_tracks = len(channels[0][0])
     nearest = np.empty(n_tracks)
-    for start in range(0, n_tracks, TRACKS_A_BATCH):
-        batch = slice(start, start + TRACKS_A_BATCH)
-        total, common = 0, 0
+    for start in range(0, n_tracks, TRACKS_PER_BATCH):
+        batch = slice(start, start + TRACKS_PER_BATCH)
+        total: Any = 0
         for values, seen in channels:
             squares, marks = (values**2).sum(axis=2), seen[landmarks].T
             flat = values.reshape(n_tracks, -1)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .epipolar import MINIMAL_SIZE, nearest_rank_two, robust_fits
-from .tracks import filled_frames, frame_pairs, working_coordinates
+from .tracks import frame_pairs, non_empty_frames, working_coordinates
 
 # Frame pairs that are looked at: neighbours, where tracks are many, and pairs some
 # frames apart, where motions differ more than noise. So many for the time that a track
@@ -146,7 +146,7 @@ def clip_geometry(points, visibility):
 
 def _working_frames(points, visibility):
     # A clip begins and ends where something is seen.
-    first, last = filled_frames(visibility, fewest=2)[[0, -1]]
+    first, last = non_empty_frames(visibility, fewest=2)[[0, -1]]
     n_frames = last + 1 - first
     pairs = np.concatenate([frame_pairs(n_frames, gap) for gap in FRAME_GAPS])
     lifetime = max(1.0, np.median(visibility.sum(axis=1)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -155,12 +156,17 @@ class _NormalizedPairs:
             _normalized_pair(points[rows][:, pair])
             for rows, pair in zip(seen, pairs, strict=True)
         ]
-        first, second, to_first, to_second = map(list, zip(*scenes, strict=True))
+        sides: Any = zip(*scenes, strict=True)
+        first, second, to_first, to_second = map(list, sides)
         sizes = np.array([len(x) for x in first])
         offsets = np.concatenate([[0], np.cumsum(sizes)[:-1]])
-        first, second = np.concatenate(first), np.concatenate(second)
         return cls(
-            first, second, sizes, offsets, np.stack(to_first), np.stack(to_second)
+            np.concatenate(first),
+            np.concatenate(second),
+            sizes,
+            offsets,
+            np.stack(to_first),
+            np.stack(to_second),
         )
 
     def fit(self, model, scene, sets):

@@ -84,7 +84,7 @@ def choose_model(geometry, members):
             geometry, errors[name], packed, n_constraints, n_parameters
         )
         lengths[name] = float(length.total / packed.sum())
-    model = min(lengths, key=lengths.get)
+    model = min(lengths, key=lambda name: lengths[name])
     seen = geometry.seen[:, members] & modelled[:, None]
     distances = geometry.frames.scale * np.sqrt(errors[model][packed])
     medians = track_medians(seen, distances)

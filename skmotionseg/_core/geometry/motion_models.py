@@ -1,8 +1,7 @@
-"""The motion models: what a minimal set determines, and how well a track fits it.
+"""Motion models: what a minimal set determines, and how well a track fits it.
 
-A model is one frozen record in :data:`MOTION_MODELS`. To add a model, write its
-``fit``, ``residuals``, ``change_coordinates`` and ``from_translation`` and append
-the record; samplers, kernels, segmenter and command line pick it up by name.
+A model is one frozen record. The built-in ones are in :data:`MOTION_MODELS`; a model of
+one's own is handed over as an object wherever the name of one is taken.
 
 All functions work on stacks and never raise on degenerate geometry: a minimal set
 that determines no model gives NaN.
@@ -10,9 +9,11 @@ that determines no model gives NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from numbers import Integral
+from types import MappingProxyType
 
 import numpy as np
 
@@ -31,23 +32,59 @@ RANK_ONE = 1e-14
 
 @dataclass(frozen=True)
 class MotionModel:
-    """What the package needs to know about a geometric motion model.
+    """A geometric motion model: how it is fitted, and how well tracks obey it.
 
-    Attributes
+    The built-in models have names ("affine", "homography", "fundamental"). A model of
+    one's own is an object of this class, which ``models=`` and ``model=`` take in the
+    place of a name. All functions work on stacks of arrays and never raise on
+    degenerate geometry.
+
+    Parameters
     ----------
     name : str
+        By which the model is told from others.
     minimal_size : int
-        Correspondences that determine one model.
+        Correspondences that determine one model. Models are ordered by it, from the
+        simplest to the richest.
     fit : callable
-        ``(..., p, 2), (..., p, 2) -> (..., 3, 3)``: the model through minimal sets
-        of normalised points in the first and second frame; NaN where degenerate.
+        ``(..., p, 2), (..., p, 2) -> (..., 3, 3)``: the model through minimal sets of
+        points in the first and second frame, which are normalised (centroid 0, mean
+        distance sqrt(2)); NaN where a set is degenerate.
     residuals : callable
-        ``(K, 3, 3), (..., n, 2), (..., n, 2) -> (..., n, K)``: squared Sampson errors.
+        ``(K, 3, 3), (..., n, 2), (..., n, 2) -> (..., n, K)``: squared Sampson errors
+        of tracks to K models, in the dtype of the points, which is float32.
     change_coordinates : callable
         ``M, S, T -> M'``: the model of the points ``(S x, T y)``, given that of
-        ``(x, y)``.
+        ``(x, y)``; all are stacks of 3x3 matrices.
     from_translation : callable
-        ``(..., 2) -> (..., 3, 3)``: the model that moves all points by so much.
+        ``(..., 2) -> (..., 3, 3)``: the model that moves all points by so much, for
+        frame pairs in which all minimal sets are degenerate.
+
+    See Also
+    --------
+    HypothesisSampler : Fits a model to random minimal sets.
+
+    Notes
+    -----
+    Estimators are sent to other processes, and kept in ``memory``, together with their
+    models. Functions of a module can always be sent; those of a script or a notebook by
+    joblib's default engine and by Dask; to be kept, they must be of a module.
+
+    Examples
+    --------
+    A model that only shifts, with what it shares with the affine map:
+
+    >>> from dataclasses import replace
+    >>> from skmotionseg import HypothesisSampler, MotionModel
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> affine = MotionModel.built_in("affine")
+    >>> def fit_shift(x, y):
+    ...     return affine.from_translation((y - x)[..., 0, :])
+    >>> shift = replace(affine, name="shift", minimal_size=1, fit=fit_shift)
+    >>> X, y = make_rigid_motions(n_tracks=30, n_frames=4, random_state=0)
+    >>> sampler = HypothesisSampler(shift, n_hypotheses=20, random_state=0).fit(X)
+    >>> sampler.hypotheses_.shape
+    (3, 20, 3, 3)
     """
 
     name: str
@@ -56,6 +93,42 @@ class MotionModel:
     residuals: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     change_coordinates: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
     from_translation: Callable[[np.ndarray], np.ndarray]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise TypeError(f"the name of a motion model is a str; got {self.name!r}")
+        if not isinstance(self.minimal_size, Integral) or self.minimal_size < 1:
+            raise ValueError(
+                f"minimal_size must be an integer of 1 or more; got "
+                f"{self.minimal_size!r}"
+            )
+        for part in ("fit", "residuals", "change_coordinates", "from_translation"):
+            if not callable(getattr(self, part)):
+                raise TypeError(f"{part} of the {self.name} model must be callable")
+
+    @classmethod
+    def built_in(cls, name: str) -> MotionModel:
+        """The built-in model of that name.
+
+        Parameters
+        ----------
+        name : {"affine", "homography", "fundamental"}
+
+        Returns
+        -------
+        MotionModel
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if name not in MOTION_MODELS:
+            raise ValueError(
+                f"unknown motion model {name!r}; expected one of "
+                f"{sorted(MOTION_MODELS)}"
+            )
+        return MOTION_MODELS[name]
 
 
 # ---------------------------------------------------------------- minimal fits
@@ -496,64 +569,36 @@ def _collinear(points):
     return a * c - b * b <= DEGENERATE_SPAN**2 * spread * spread
 
 
-# --------------------------------------------------------------------- registry
+# --------------------------------------------------------------- the built-in models
 
-MOTION_MODELS = {
-    model.name: model
-    for model in (
-        MotionModel(
-            "affine",
-            minimal_size=3,
-            fit=fit_affine,
-            residuals=affine_residuals,
-            change_coordinates=change_map_coordinates,
-            from_translation=translation_map,
-        ),
-        MotionModel(
-            "homography",
-            minimal_size=4,
-            fit=fit_homography,
-            residuals=homography_residuals,
-            change_coordinates=change_map_coordinates,
-            from_translation=translation_map,
-        ),
-        MotionModel(
-            "fundamental",
-            minimal_size=8,
-            fit=fit_fundamental,
-            residuals=fundamental_residuals,
-            change_coordinates=change_epipolar_coordinates,
-            from_translation=translation_epipolar,
-        ),
-    )
-}
-
-
-# What there is without anybody's doing, and what came from other processes.
-_BUILT_IN = dict(MOTION_MODELS)
-_received: dict[str, MotionModel] = {}
-
-
-def added_motion_models():
-    """The registered models that do not come with this package, by name."""
-    return {
-        name: model
-        for name, model in MOTION_MODELS.items()
-        if model is not _BUILT_IN.get(name)
+MOTION_MODELS: Mapping[str, MotionModel] = MappingProxyType(
+    {
+        model.name: model
+        for model in (
+            MotionModel(
+                "affine",
+                minimal_size=3,
+                fit=fit_affine,
+                residuals=affine_residuals,
+                change_coordinates=change_map_coordinates,
+                from_translation=translation_map,
+            ),
+            MotionModel(
+                "homography",
+                minimal_size=4,
+                fit=fit_homography,
+                residuals=homography_residuals,
+                change_coordinates=change_map_coordinates,
+                from_translation=translation_map,
+            ),
+            MotionModel(
+                "fundamental",
+                minimal_size=8,
+                fit=fit_fundamental,
+                residuals=fundamental_residuals,
+                change_coordinates=change_epipolar_coordinates,
+                from_translation=translation_epipolar,
+            ),
+        )
     }
-
-
-def receive_motion_models(models):
-    """Register models that came from another process.
-
-    Models that were registered in this process stay as they are; those that came
-    before are replaced.
-
-    Parameters
-    ----------
-    models : dict of str to MotionModel
-    """
-    for name, model in models.items():
-        here = MOTION_MODELS.get(name)
-        if here is _BUILT_IN.get(name) or here is _received.get(name):
-            MOTION_MODELS[name] = _received[name] = model
+)

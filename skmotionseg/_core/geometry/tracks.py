@@ -250,7 +250,7 @@ def frame_pairs(n_frames, frame_gap=1):
     return np.column_stack([first, first + frame_gap])
 
 
-def filled_frames(visibility, fewest):
+def non_empty_frames(visibility, fewest):
     """Positions of the frames that see something; of all, if those are fewer."""
     filled = np.flatnonzero(visibility.any(axis=0))
     return filled if len(filled) >= fewest else np.arange(visibility.shape[1])

@@ -59,7 +59,7 @@ def _first_equal_row(features):
 
     A product may round equal rows differently, which tells where two centres are one.
     """
-    first = {}
+    first: dict[bytes, int] = {}
     return np.array([first.setdefault(x.tobytes(), i) for i, x in enumerate(features)])
 
 

@@ -2,8 +2,7 @@
 
 All functions work with normalised affinities ``N = D^-1/2 K D^-1/2``; the Laplacian of
 the paper is ``L = I - N``, so its smallest eigenvectors are the largest ones here.
-A fusion takes a :class:`ViewGraph` and gives one embedding a view; to add one, write it
-with the signature of :func:`kernel_addition` and enter it in :data:`FUSIONS`.
+Several views are joined by a fusion (see :mod:`skmotionseg._core.graph.fusion`).
 """
 
 from __future__ import annotations
@@ -78,22 +77,6 @@ class ViewGraph:
     def sum_spectrum(self):
         """Leading eigenvalues and eigenvectors, (n, n_leading), of the sum of views."""
         return leading_eigenvectors(self.normalized.sum(axis=0), self.n_leading)
-
-
-@dataclass(frozen=True)
-class Fusion:
-    """Embeddings of all views, and how the alternation got there.
-
-    Attributes
-    ----------
-    embeddings : ndarray of shape (n_views, n, n_clusters)
-        Orthonormal columns; zero for directions that no affinity supports.
-    objective : ndarray of shape (n_sweeps + 1,)
-        The cost of the views by themselves, and after each sweep over them.
-    """
-
-    embeddings: np.ndarray
-    objective: np.ndarray
 
 
 def normalized_affinity(affinity):
@@ -248,148 +231,6 @@ def cluster_features(embeddings):
     """
     features = normalize_rows(np.hstack([normalize_rows(U) for U in embeddings]))
     return np.round(features, FEATURE_DECIMALS) + 0.0  # no negative zeros
-
-
-# ---------------------------------------------------------------------- fusions
-
-
-def kernel_addition(graph, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=0.0):
-    """One embedding for all views, of the sum of their Laplacians.
-
-    Xu, Cheong and Li (2021), "Kernel Addition": ``min tr(U^T sum_v L_v U)``.
-
-    Parameters
-    ----------
-    graph : ViewGraph
-    n_clusters : int
-    lam, gamma, max_iter, tol : ignored
-        So that all fusions are called alike.
-
-    Returns
-    -------
-    Fusion
-    """
-    values, vectors = graph.sum_spectrum
-    n_views = len(graph.normalized)
-    leading = supported_directions(values[:n_clusters], vectors[:, :n_clusters])
-    embeddings = np.stack([leading] * n_views)
-    cost = n_views * n_clusters - values[:n_clusters].sum()
-    return Fusion(embeddings, np.array([cost]))
-
-
-def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
-    """An embedding a view, drawn towards those of the other views.
-
-    Xu, Cheong and Li (2021), eq. 3, after Kumar, Rai and Daume (2011): each view in
-    turn takes the first eigenvectors of ``L_v - lam sum_{w != v} U_w U_w^T``. That
-    never raises ``sum_v tr(U_v^T L_v U_v) - lam sum_{v < w} |U_v^T U_w|_F^2``, which is
-    what ``objective`` holds.
-
-    Parameters
-    ----------
-    graph : ViewGraph
-    n_clusters : int
-    lam : float
-        Weight of agreement.
-    gamma : ignored
-    max_iter : int
-        Sweeps over the views at most.
-    tol : float
-        Stop when a sweep lowers the cost by less than this share of ``n_clusters``.
-
-    Returns
-    -------
-    Fusion
-    """
-
-    def pull(v, U):  # lam sum_{w != v} U_w U_w^T
-        others = np.hstack([U[w] for w in range(len(U)) if w != v])
-        return lambda X: lam * (others @ (others.T @ X))
-
-    def cost(U):
-        agreement = sum(
-            np.sum((U[v].T @ U[w]) ** 2) for v in range(len(U)) for w in range(v)
-        )
-        return _cut_cost(graph, U) - lam * agreement
-
-    return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
-
-
-def subset_constraint(graph, n_clusters, *, lam=None, gamma, max_iter, tol):
-    """An embedding a view, under "what a simpler model joins, a richer one joins".
-
-    Xu, Cheong and Li (2021), eq. 5 and algorithm 1. Views are in the order affine,
-    homography, fundamental: a view inherits the positive entries of ``U U^T`` from the
-    simpler view before it and the negative ones from the richer view after it.
-    Convergence is not guaranteed.
-
-    Parameters
-    ----------
-    graph : ViewGraph
-        The simplest model first.
-    n_clusters : int
-    lam : ignored
-    gamma : float
-        Weight of the constraint.
-    max_iter : int
-    tol : float
-
-    Returns
-    -------
-    Fusion
-    """
-
-    def pull(v, U):  # gamma Q_v
-        Q = np.zeros_like(graph.normalized[v])
-        if v > 0:
-            Q += np.maximum(U[v - 1] @ U[v - 1].T, 0)
-        if v + 1 < len(U):
-            Q += np.minimum(U[v + 1] @ U[v + 1].T, 0)
-        Q *= gamma
-        return lambda X: Q @ X
-
-    def cost(U):
-        return _cut_cost(graph, U) - sum(
-            np.sum(U[v] * pull(v, U)(U[v])) for v in range(len(U))
-        )
-
-    return _alternate(graph, n_clusters, pull, cost, max_iter, tol)
-
-
-FUSIONS: dict[str, Callable[..., Fusion]] = {
-    "kernel_addition": kernel_addition,
-    "coreg": co_regularization,
-    "subset": subset_constraint,
-}
-
-
-def _alternate(graph, n_clusters, pull, cost, max_iter, tol):
-    """Sweep over the views until the cost settles; one view needs no sweep."""
-    U = np.stack(
-        [
-            supported_directions(values[:n_clusters], vectors[:, :n_clusters])
-            for values, vectors in graph.view_spectra
-        ]
-    )
-    objective = [cost(U)]
-    for _ in range(max_iter if len(U) > 1 else 0):
-        for v, view in enumerate(graph.view_spectra):
-            leading = leading_of_perturbed(*view, pull(v, U), n_clusters)
-            U[v] = supported_directions(*leading)
-        objective.append(cost(U))
-        if abs(objective[-2] - objective[-1]) < tol * n_clusters:
-            break
-    return Fusion(U, np.array(objective))
-
-
-def _cut_cost(graph, embeddings):
-    """``sum_v tr(U_v^T L_v U_v)``."""
-    return embeddings.shape[0] * embeddings.shape[2] - np.sum(
-        embeddings * (graph.normalized @ embeddings)
-    )
-
-
-# --------------------------------------------------------------- rows not in fit
 
 
 def extend_embedding(rows, degrees, embedding, shrinkage):

@@ -20,6 +20,9 @@ from ..labels import groups_of
 # the number of motions known rises on KT3DMoSeg from 3.1 to 3.9 %; doubled, the number
 # is right in 55 % of its clips, not 73 (``python -m benchmarks.sensitivity``).
 CUT_WEIGHT = 0.3
+# The terms of a cost, and their weights in the total.
+COST_NAMES = ("normalised cut", "description length per observation")
+COST_WEIGHTS = (CUT_WEIGHT, 1.0)
 # Two motions must save so many times the cut between them, in nats an observation of
 # the smaller, against being one: a large group that is torn in two saves little a
 # track, a small thing that moves by itself saves much. It pulls both ways: halved, the
@@ -101,14 +104,14 @@ class Judge:
     geometry : ClipGeometry
     views : ndarray of shape (n_views, n, n)
         Sparse affinities, on which partitions are cut.
-    evenly_drawn : bool, default=False
+    stratified : bool, default=False
         Whether the tracks are as many from each piece of the video.
     """
 
-    def __init__(self, geometry, views, evenly_drawn=False):
+    def __init__(self, geometry, views, stratified=False):
         self.geometry = geometry
         self.views = views
-        self.evenly_drawn = evenly_drawn
+        self.stratified = stratified
         self.lengths = [
             GroupLengths(geometry, lower_rank)
             for lower_rank in (nearest_rank_two, cheapest_rank_two)
@@ -148,7 +151,7 @@ class Judge:
             The first such pair, the smaller label first.
         """
         groups = groups_of(labels)
-        times = GAIN_OF_CUT_DRAWN if self.evenly_drawn else GAIN_OF_CUT
+        times = GAIN_OF_CUT_DRAWN if self.stratified else GAIN_OF_CUT
         least = times * sum(cuts_between(view, labels) for view in self.views)
         for i in range(len(groups)):
             for j in range(i):

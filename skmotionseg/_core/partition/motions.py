@@ -23,7 +23,7 @@ CONCENTRATIONS = 3
 # taken to be a fifth of a pixel (in 640 x 480) at least: on precise tracks, what is
 # left is not noise but what a model leaves out. Halved, it costs KT3DMoSeg a point of
 # error with the number of motions known; doubled, a clip its number.
-LIMIT = 6.0
+INLIER_THRESHOLD = 6.0
 # Motions this much noisier than that of the median track are none. Halved or doubled,
 # nothing changes on KT3DMoSeg.
 USUAL_NOISE = 2.0
@@ -53,9 +53,9 @@ class Motions:
         return Motions(self.frames, self.fundamental[chosen], self.noise[chosen])
 
     @property
-    def limits(self):
+    def inlier_thresholds(self):
         """Distances, (M,) in working units, up to which a track is explained."""
-        return limits_of(self.noise)
+        return inlier_threshold(self.noise)
 
     def distances(self, points, visibility):
         """How far tracks are from each motion.
@@ -76,7 +76,9 @@ class Motions:
         by_pair = [np.split(homogeneous(side), ends) for side in (x, y)]
         return np.stack(
             [
-                track_medians(seen, np.concatenate([*map(_sampson, F, *by_pair)]))
+                track_medians(
+                    seen, np.concatenate([*map(sampson_distances, F, *by_pair)])
+                )
                 for F in self.fundamental
             ]
         )
@@ -120,16 +122,16 @@ def _fit_motion(geometry, members, affinity):
         median = np.median(judged) if len(judged) else 0.0
         noise = OF_MEDIAN * median
         last = step + 1 == CONCENTRATIONS
-        trusted = distances <= (limits_of(noise) if last else median)
+        trusted = distances <= (inlier_threshold(noise) if last else median)
     return F, noise
 
 
-def limits_of(noise):
+def inlier_threshold(noise):
     """Distances up to which a motion of that noise explains tracks; working units."""
-    return LIMIT * np.maximum(noise, ROBUST_SCALE)
+    return INLIER_THRESHOLD * np.maximum(noise, ROBUST_SCALE)
 
 
-def _sampson(F, x, y):
+def sampson_distances(F, x, y):
     """Sampson distances of homogeneous points (n, 3); infinite if F is zero."""
     lines, back = x @ F.T, y @ F
     gradient = (lines[:, :2] ** 2 + back[:, :2] ** 2).sum(axis=1)
@@ -159,7 +161,7 @@ def usual(noise, labels):
     return noise <= USUAL_NOISE * np.median(noise[labels[labels >= 0]])
 
 
-def explained(motions, distances):
+def inliers(motions, distances):
     """Which tracks each motion explains.
 
     Parameters
@@ -173,7 +175,7 @@ def explained(motions, distances):
         True, too, for tracks that no motion can judge.
     """
     unjudged = np.isnan(distances).all(axis=0)
-    return (distances <= motions.limits[:, None]) | unjudged
+    return (distances <= motions.inlier_thresholds[:, None]) | unjudged
 
 
 @dataclass(frozen=True)
@@ -209,11 +211,11 @@ class Explanation:
         """
         distances = self.motions.distances(points, visibility)
         own = distances[labels, np.arange(len(labels))]
-        unexplained = ~np.isnan(own) & ~explained(self.motions, distances).any(axis=0)
+        unexplained = ~np.isnan(own) & ~inliers(self.motions, distances).any(axis=0)
         left = np.flatnonzero(unexplained)
         if len(left) and len(self.spare.noise):
             distances = self.spare.distances(points[left], visibility[left])
-            left = left[~explained(self.spare, distances).any(axis=0)]
+            left = left[~inliers(self.spare, distances).any(axis=0)]
         labels = labels.copy()
         labels[left] = -1
         return labels

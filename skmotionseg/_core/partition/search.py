@@ -13,9 +13,9 @@ from ..graph.neighbourhood import neighbourhood_thresholds, sparsify
 from ..graph.spectral import ViewGraph, connected_tracks
 from ..labels import canonical_labels, nearest_labels
 from .agglomeration import merge_path
-from .cost import Judge
+from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
-from .motions import Explanation, explained, fit_motions, usual
+from .motions import Explanation, fit_motions, inliers, usual
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
@@ -23,9 +23,9 @@ SPARSITIES = (4.0, 8.0)
 # Groups that are merged again, unless more motions are looked for. Halved, the error
 # with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two numbers of 4.
 OVERSEGMENTATION = 8
-# Tracks a piece, on average, below which pieces do not tell what is rubbish: half of
+# Tracks a piece, on average, below which segments do not tell what is rubbish: half of
 # them determine a fundamental matrix.
-TRACKS_A_PIECE = 16
+TRACKS_PER_SEGMENT = 16
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,12 @@ class PartitionSearch:
     gainless : ndarray of int, shape (n_counts, 2), optional
         Two motions that gain too little from being apart, for each count that was
         passed over for it; -1 for others.
+    cost_names : (str, str)
+        What the two terms of the costs are.
+    cost_weights : (float, float)
+        Their weights in the total.
+    cost_tolerance : float
+        Totals that differ by no more are equal.
     """
 
     counts: np.ndarray
@@ -58,6 +64,9 @@ class PartitionSearch:
     shares: np.ndarray
     explanation: Explanation | None = None
     gainless: np.ndarray | None = None
+    cost_names: tuple[str, str] = COST_NAMES
+    cost_weights: tuple[float, float] = COST_WEIGHTS
+    cost_tolerance: float = 1e-9
 
 
 def search_partitions(
@@ -65,10 +74,10 @@ def search_partitions(
     visibility,
     views,
     counts,
-    sparsity,
-    clusterer,
+    sparsities,
+    cluster,
     reject_outliers=True,
-    evenly_drawn=False,
+    stratified=False,
 ):
     """Find the best partition for each of several numbers of motions.
 
@@ -91,13 +100,14 @@ def search_partitions(
         Affinities before sparsification, the simplest model first.
     counts : ndarray of int, shape (n_counts,)
         Ascending; none above the tracks with an affinity to another.
-    sparsity : float or "auto"
-        Exponent of the epsilon-neighbourhood; "auto" tries several.
-    clusterer : MultiModelSpectralClustering
-        Gives fusion, weights and seed; its ``n_clusters`` is ignored.
+    sparsities : sequence of float or None
+        Exponents of the epsilon-neighbourhood to try; None keeps all affinities.
+    cluster : callable
+        ``(graph, n_clusters) -> labels``: clusters of a :class:`ViewGraph`, -1 for
+        tracks that meet no other.
     reject_outliers : bool, default=True
-    evenly_drawn : bool, default=False
-        Whether the tracks are landmarks, as many from each piece of the video.
+    stratified : bool, default=False
+        Whether the tracks are landmarks, as many from each over-segment of the video.
 
     Returns
     -------
@@ -105,54 +115,51 @@ def search_partitions(
     """
     connected = connected_tracks(views)
     views = views[:, connected[:, None], connected]
-    sparsities = SPARSITIES if sparsity == "auto" else (sparsity,)
-    clip = _Clip(
-        points[connected], visibility[connected], views, sparsities, evenly_drawn
-    )
-    judged, pieces = np.arange(len(connected)), None
+    some = points[connected], visibility[connected]
+    clip = _Clip(*some, views, sparsities, stratified)
+    judged, segments = np.arange(len(connected)), None
     if reject_outliers:
-        pieces = _fit_pieces(clip, clusterer)
-        judged = _worth_judging(clip, pieces, counts)
+        segments = _fit_over_segments(clip, cluster)
+        judged = _worth_judging(clip, segments, counts)
     whole, clip = clip, clip if len(judged) == len(connected) else clip[judged]
-    best = _best_by_count(clip, counts, clusterer)
+    best = _best_by_count(clip, counts, cluster)
     chosen, gainless = _choose(best, clip.judge)
     if len(counts) > 1 or counts[0] > 1:
-        refined = _refine(best[chosen][1], clip, counts, clusterer)
+        refined = _refine(best[chosen][1], clip, counts, cluster)
         if not np.array_equal(refined, best[chosen][1]):
             chosen = int(refined.max()) + 1
             best[chosen] = (clip.judge.cost(refined), refined)
             gainless.pop(chosen, None)  # that was another partition
-    found = sorted(best)
-    labels = np.full((len(found), len(points)), -1)
-    labels[:, connected] = [_spread(whole, judged, best[count][1]) for count in found]
-    shares = np.zeros(len(points))
-    shares[connected] = own_shares(
-        whole.sparse[-1], labels[found.index(chosen), connected]
-    )
-    explanation = None
-    if reject_outliers:
-        explanation = _explain(clip, best[chosen][1], pieces)
+    explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
+    labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
-        np.array(found),
-        np.array([best[count][0] for count in found]),
-        labels,
-        found.index(chosen),
-        shares,
+        np.array(list(labels)),
+        np.array([best[count][0] for count in labels]),
+        _put(connected, np.stack(list(labels.values())), len(points), -1),
+        list(labels).index(chosen),
+        _put(connected, own_shares(whole.sparse[-1], labels[chosen]), len(points), 0.0),
         explanation,
-        np.array([gainless.get(count, (-1, -1)) for count in found]),
+        np.array([gainless.get(count, (-1, -1)) for count in labels]),
     )
+
+
+def _put(positions, values, n, other):
+    """Values (..., n_positions) in their places among n, another value elsewhere."""
+    everywhere = np.full((*values.shape[:-1], n), other)
+    everywhere[..., positions] = values
+    return everywhere
 
 
 class _Clip:
     """The tracks of a clip, their affinities, and what partitions of them cost."""
 
-    def __init__(self, points, visibility, views, sparsities, evenly_drawn=False):
+    def __init__(self, points, visibility, views, sparsities, stratified=False):
         self.points, self.visibility = points, visibility
         self.views, self.sparsities = views, sparsities
         self.affinity = views.mean(axis=0)
         self.sparse = [_sparse_views(views, alpha) for alpha in sparsities]
         self.geometry = clip_geometry(points, visibility)
-        self.judge = Judge(self.geometry, self.sparse[-1], evenly_drawn)
+        self.judge = Judge(self.geometry, self.sparse[-1], stratified)
 
     def __getitem__(self, tracks):
         views = self.views[:, tracks[:, None], tracks]
@@ -161,7 +168,7 @@ class _Clip:
             self.visibility[tracks],
             views,
             self.sparsities,
-            self.judge.evenly_drawn,
+            self.judge.stratified,
         )
 
     def distances(self, motions):
@@ -169,31 +176,32 @@ class _Clip:
         return motions.distances(self.points, self.visibility)
 
 
-def _fit_pieces(clip, clusterer):
-    """Motions of the pieces of an over-segmentation, without those of rubbish."""
+def _fit_over_segments(clip, cluster):
+    """Motions of the segments of an over-segmentation, without those of rubbish."""
     graph = ViewGraph.from_affinities(
         clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
     )
     labels = np.zeros(len(clip.points), dtype=int)
     if graph.n_leading > 1:
-        labels = _cluster(graph, graph.n_leading, clip.affinity, clusterer)
+        labels = _cluster(graph, graph.n_leading, clip.affinity, cluster)
     motions = fit_motions(clip.geometry, labels, clip.affinity)
     return motions[usual(motions.noise, labels)]
 
 
-def _worth_judging(clip, pieces, counts):
+def _worth_judging(clip, segments, counts):
     """Positions of the tracks that a piece explains; all, if there are too few."""
-    if len(clip.points) < OVERSEGMENTATION * TRACKS_A_PIECE:
+    if len(clip.points) < OVERSEGMENTATION * TRACKS_PER_SEGMENT:
         return np.arange(len(clip.points))
-    kept = np.flatnonzero(explained(pieces, clip.distances(pieces)).any(axis=0))
+    kept = np.flatnonzero(inliers(segments, clip.distances(segments)).any(axis=0))
     enough = len(kept) >= max(counts[-1], len(clip.points) / 2)
     return kept if enough else np.arange(len(clip.points))
 
 
-def _best_by_count(clip, counts, clusterer):
+def _best_by_count(clip, counts, cluster):
     """The cheapest partition of each number of motions: {count: (cost, labels)}."""
-    best, tried = {}, set()
-    for labels in _candidates(clip, counts, clusterer):
+    best: dict[int, tuple[Cost, np.ndarray]] = {}
+    tried = set()
+    for labels in _candidates(clip, counts, cluster):
         if labels.tobytes() in tried:
             continue
         tried.add(labels.tobytes())
@@ -216,7 +224,7 @@ def _spread(clip, judged, labels):
     return everything
 
 
-def _refine(labels, clip, counts, clusterer):
+def _refine(labels, clip, counts, cluster):
     """A partition that is not dearer: tracks moved, motions merged or split.
 
     Motions that gain from being apart are not merged, whatever the cost.
@@ -224,7 +232,7 @@ def _refine(labels, clip, counts, clusterer):
 
     def changes(labels):
         motions = fit_motions(clip.geometry, labels, clip.affinity)
-        relative = clip.distances(motions) / motions.limits[:, None]
+        relative = clip.distances(motions) / motions.inlier_thresholds[:, None]
         return chain(
             moved(labels, relative),
             merged(labels) if mergeable(labels) else (),
@@ -240,7 +248,7 @@ def _refine(labels, clip, counts, clusterer):
         if graph.n_leading < 2:
             return None
         affinity = clip.affinity[np.ix_(group, group)]
-        return _cluster(graph, 2, affinity, clusterer) == 1
+        return _cluster(graph, 2, affinity, cluster) == 1
 
     def gaining(labels):
         free = len(counts) == 1 or not clip.judge.each_gains(labels)
@@ -257,15 +265,15 @@ def _refine(labels, clip, counts, clusterer):
     )
 
 
-def _explain(clip, labels, pieces):
-    """Motions of a partition, and after them those of pieces that it has lost."""
+def _explain(clip, labels, segments):
+    """Motions of a partition, and after them those of segments that it has lost."""
     motions = fit_motions(clip.geometry, labels, clip.affinity)
-    lost = ~explained(motions, clip.distances(motions)).any(axis=0)
-    by_piece = clip.distances(pieces) / pieces.limits[:, None]
-    nearest = np.where(np.isnan(by_piece), np.inf, by_piece).argmin(axis=0)
-    members = np.bincount(nearest, minlength=len(by_piece))
-    spare = 2 * np.bincount(nearest[lost], minlength=len(by_piece)) > members
-    return Explanation(motions, pieces[spare])
+    lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
+    by_segment = clip.distances(segments) / segments.inlier_thresholds[:, None]
+    nearest = np.where(np.isnan(by_segment), np.inf, by_segment).argmin(axis=0)
+    members = np.bincount(nearest, minlength=len(by_segment))
+    spare = 2 * np.bincount(nearest[lost], minlength=len(by_segment)) > members
+    return Explanation(motions, segments[spare])
 
 
 def _choose(best, judge):
@@ -276,7 +284,7 @@ def _choose(best, judge):
     """
     if len(best) == 1:
         return min(best), {}
-    gainless = {}
+    gainless: dict[int, tuple[int, int]] = {}
     for count in sorted(
         best, key=lambda count: (round(best[count][0].total, 9), -count)
     ):
@@ -288,6 +296,8 @@ def _choose(best, judge):
 
 
 def _sparse_views(views, alpha):
+    if alpha is None:
+        return views
     sparse = []
     for view in views:
         thresholds = neighbourhood_thresholds(view, alpha, np.diagonal(view))
@@ -295,7 +305,7 @@ def _sparse_views(views, alpha):
     return np.stack(sparse)
 
 
-def _candidates(clip, counts, clusterer):
+def _candidates(clip, counts, cluster):
     """Yield partitions (n,) of all tracks, some of them more than once."""
     n_tracks = len(clip.points)
     yield np.zeros(n_tracks, dtype=int)
@@ -310,9 +320,9 @@ def _candidates(clip, counts, clusterer):
     graphs = [[graph for graph in some if graph.n_leading > 0] for some in graphs]
     for graph in chain(*graphs):
         for count in counts[(counts > 1) & (counts <= graph.n_leading)]:
-            yield _cluster(graph, int(count), clip.affinity, clusterer)
+            yield _cluster(graph, int(count), clip.affinity, cluster)
     for graph in graphs[-1]:
-        oversegmented = _cluster(graph, graph.n_leading, clip.affinity, clusterer)
+        oversegmented = _cluster(graph, graph.n_leading, clip.affinity, cluster)
         yield from merge_path(
             oversegmented, clip.affinity, clip.judge.lengths[0], max(2, int(counts[0]))
         )
@@ -323,10 +333,9 @@ def _model_subsets(views):
     return [views, views[1:]] if len(views) > 2 else [views]
 
 
-def _cluster(graph, count, affinity, clusterer):
+def _cluster(graph, count, affinity, cluster):
     """Labels of all tracks, those the sparse graph leaves alone by their nearest."""
-    clusterer.set_params(n_clusters=count)
-    labels = clusterer.cluster_graph(graph)
+    labels = cluster(graph, count)
     alone = labels < 0
     if alone.any():
         labels[alone] = nearest_labels(affinity[alone][:, ~alone], labels[~alone])

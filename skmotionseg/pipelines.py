@@ -1,0 +1,233 @@
+"""The paper's method as a plain scikit-learn pipeline."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from joblib import Memory
+from sklearn.pipeline import FeatureUnion, Pipeline
+from sklearn.utils import check_random_state
+
+from ._core.geometry.motion_models import MotionModel
+from ._segmenter.views import ALL_MODELS, check_models, make_view, view_seeds
+from .cluster import MultiModelSpectralClustering
+from .kernels import ORKKernel
+from .model_selection import Fusing, NCREModelSelector
+
+
+class ModelUnion(FeatureUnion):
+    """Affinities of several motion models, side by side; ``models`` says of which.
+
+    A :class:`~sklearn.pipeline.FeatureUnion`, whose views can be set to ``"drop"``,
+    with a parameter by which one key of a grid sweeps subsets of the models.
+
+    Parameters
+    ----------
+    transformer_list : list of (str, transformer)
+        By the name of the model.
+    models : sequence of str or None, default=None
+        Those that take part; None is all.
+    n_jobs : int or None, default=None
+        Number of models to fit in parallel. ``None`` means 1 unless in a
+        :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
+        :term:`Glossary <n_jobs>` for more details.
+    transformer_weights : dict or None, default=None
+    verbose : bool, default=False
+    verbose_feature_names_out : bool, default=True
+        As for :class:`~sklearn.pipeline.FeatureUnion`.
+    """
+
+    def __init__(
+        self,
+        transformer_list: list[tuple[str, Any]],
+        *,
+        models: Sequence[str] | None = None,
+        n_jobs: int | None = None,
+        transformer_weights: dict[str, float] | None = None,
+        verbose: bool = False,
+        verbose_feature_names_out: bool = True,
+    ) -> None:
+        super().__init__(
+            transformer_list,
+            n_jobs=n_jobs,
+            transformer_weights=transformer_weights,
+            verbose=verbose,
+            verbose_feature_names_out=verbose_feature_names_out,
+        )
+        self.models = models
+
+    def _chosen(self) -> FeatureUnion:
+        """The same without the models that do not take part."""
+        names = [name for name, _ in self.transformer_list]
+        models = [self.models] if isinstance(self.models, str) else self.models
+        chosen = names if models is None else list(models)
+        unknown = sorted(set(chosen) - set(names))
+        if unknown or not chosen:
+            raise ValueError(f"models must be some of {names}; got {chosen}")
+        union = FeatureUnion(
+            [
+                (name, view if name in chosen else "drop")
+                for name, view in self.transformer_list
+            ],
+            n_jobs=self.n_jobs,
+            transformer_weights=self.transformer_weights,
+            verbose=self.verbose,
+            verbose_feature_names_out=self.verbose_feature_names_out,
+        )
+        config = getattr(self, "_sklearn_output_config", None)
+        if config is not None:
+            union._sklearn_output_config = config
+        return union
+
+    def _keep(self, union: FeatureUnion) -> None:
+        """Take over the views that were fitted."""
+        self.transformer_list[:] = [
+            (name, view if fitted == "drop" else fitted)
+            for (name, view), (_, fitted) in zip(
+                self.transformer_list, union.transformer_list, strict=True
+            )
+        ]
+
+    def fit(self, X: npt.ArrayLike, y: object = None, **fit_params: Any) -> Self:
+        union = self._chosen().fit(X, y, **fit_params)
+        self._keep(union)
+        return self
+
+    def fit_transform(
+        self, X: npt.ArrayLike, y: object = None, **params: Any
+    ) -> npt.NDArray[np.floating]:
+        union = self._chosen()
+        affinities = union.fit_transform(X, y, **params)
+        self._keep(union)
+        return affinities
+
+    def transform(self, X: npt.ArrayLike, **params: Any) -> npt.NDArray[np.floating]:
+        return self._chosen().transform(X, **params)
+
+    def get_feature_names_out(
+        self, input_features: npt.ArrayLike | None = None
+    ) -> npt.NDArray[np.object_]:
+        return self._chosen().get_feature_names_out(input_features)
+
+    @property
+    def n_features_in_(self) -> int:
+        fitted = [view for _, view in self._chosen().transformer_list if view != "drop"]
+        return fitted[0].n_features_in_
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return self._chosen().__sklearn_is_fitted__()
+
+
+def make_motion_pipeline(
+    models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
+    n_clusters: int | str = "auto",
+    *,
+    n_hypotheses: int = 500,
+    frame_gap: int = 1,
+    top: float = 0.1,
+    sparsity: float | None = 6.0,
+    covisibility_prior: float = 2.0,
+    fusion: Fusing = "kernel_addition",
+    lam: float = 1e-2,
+    gamma: float = 1e-2,
+    delta: float = 0.2,
+    min_clusters: int = 1,
+    max_clusters: int = 10,
+    memory: str | os.PathLike[str] | Memory | None = None,
+    n_jobs: int | None = None,
+    random_state: int | np.random.RandomState | None = None,
+) -> Pipeline:
+    """Make the paper's method as a plain scikit-learn pipeline.
+
+    Parameters
+    ----------
+    models : sequence of str or MotionModel
+        One view per model, named after it.
+    n_clusters : int or "auto"
+        Number of motions; "auto" chooses it by normalised cut and reconstruction error.
+    n_hypotheses, frame_gap
+        As for :class:`HypothesisSampler`.
+    top, sparsity, covisibility_prior
+        As for :class:`ORKKernel`.
+    fusion, lam, gamma
+        As for :class:`MultiModelSpectralClustering`.
+    delta
+        As for :class:`NCREModelSelector`.
+    min_clusters, max_clusters : int
+        Counts to choose from when ``n_clusters="auto"``.
+    memory : str, joblib.Memory or None
+        Caches each view, so that a sweep over the last step, or over models, fits each
+        sampler and kernel once.
+    n_jobs : int or None
+        Number of views to fit in parallel. ``None`` means 1 unless in a
+        :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
+        :term:`Glossary <n_jobs>` for more details.
+    random_state : int, RandomState instance or None
+        Seeds every step.
+
+    Returns
+    -------
+    Pipeline
+        Steps "affinity", a :class:`~sklearn.pipeline.FeatureUnion` of views
+        ``sampler`` - ``kernel``, and "cluster", an :class:`NCREModelSelector`. Keys of
+        a grid are the same whether or not the number of motions is known:
+        ``affinity__models`` (or ``affinity__affine="drop"``), ``cluster__fusion``,
+        ``cluster__lam``, ``cluster__gamma``, ``cluster__delta``,
+        ``cluster__n_clusters``, ``affinity__affine__sampler__n_hypotheses``, ...
+
+    Examples
+    --------
+    >>> from skmotionseg import make_motion_pipeline
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=70, n_frames=6, random_state=0)
+    >>> pipeline = make_motion_pipeline(n_clusters=3, n_hypotheses=100, random_state=0)
+    >>> labels = pipeline.fit_predict(X)
+    >>> pipeline.set_params(affinity__models=("affine", "homography")).fit_predict(
+    ...     X
+    ... ).shape
+    (70,)
+    """
+    if isinstance(n_clusters, str) and n_clusters != "auto":
+        raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
+    kernel = ORKKernel(
+        top=top, sparsity=sparsity, covisibility_prior=covisibility_prior
+    )
+    given = {"n_hypotheses": n_hypotheses, "frame_gap": frame_gap, "kernel": kernel}
+    views, seed = _make_views(models, random_state, memory, given)
+    clusterer = NCREModelSelector(
+        MultiModelSpectralClustering(random_state=seed),
+        n_clusters=n_clusters,
+        fusion=fusion,
+        lam=lam,
+        gamma=gamma,
+        delta=delta,
+        min_clusters=min_clusters,
+        max_clusters=max_clusters,
+    )
+    return Pipeline(
+        [("affinity", ModelUnion(views, n_jobs=n_jobs)), ("cluster", clusterer)]
+    )
+
+
+def _make_views(models, random_state, memory, given):
+    """Pipelines of sampler and kernel by model, and the seed of what clusters them."""
+    records = check_models(models)
+    seeds = view_seeds(check_random_state(random_state), records)
+    views = [
+        (model.name, _view_pipeline(model, seeds[model.name], memory, given))
+        for model in records
+    ]
+    return views, seeds["clustering"]
+
+
+def _view_pipeline(model, seed, memory, given):
+    sampler, kernel = make_view(model, seed, **given)
+    # Pipeline never caches its last step, so the kernel must not be the last.
+    return Pipeline(
+        [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
+        memory=memory,
+    )

@@ -1,0 +1,492 @@
+"""What trips users up: parameters that disagree, scorers, paths of grids, and -1."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import warnings
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.base import BaseEstimator, ClusterMixin
+from sklearn.metrics import adjusted_rand_score, make_scorer
+from sklearn.model_selection import GridSearchCV, KFold, cross_val_score
+from sklearn.pipeline import make_pipeline
+
+from skmotionseg import (
+    EigengapModelSelector,
+    HypothesisSampler,
+    MotionSegmenter,
+    MultiModelSpectralClustering,
+    NCREModelSelector,
+    ORKKernel,
+    PerSequence,
+    SelfTuningModelSelector,
+    make_motion_pipeline,
+    unpack_tracks,
+)
+from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error, sequence_scorer
+from skmotionseg.plotting import CountDisplay
+
+SMALL = {"n_hypotheses": 50, "random_state": 0}
+SELECTORS = [NCREModelSelector, EigengapModelSelector, SelfTuningModelSelector]
+
+
+@pytest.fixture(scope="module")
+def tracks():
+    """An easy scene of two motions: (X, y)."""
+    return make_rigid_motions(60, 6, 2, missing=0.1, noise=0.2, random_state=0)
+
+
+@pytest.fixture(scope="module")
+def sequences():
+    """Four short sequences of two motions: (list of X, list of y)."""
+    scenes = [make_rigid_motions(40, 5, 2, random_state=seed) for seed in range(4)]
+    return [X for X, _ in scenes], [y for _, y in scenes]
+
+
+def whole(X):
+    """One split: the search is fitted on the tracks that it is judged on."""
+    rows = np.arange(len(X))
+    return [(rows, rows)]
+
+
+# -------------------------------------------------------------------- several views
+
+
+@pytest.mark.parametrize("make", [MultiModelSpectralClustering, *SELECTORS])
+def test_a_grid_over_a_clusterer_of_two_views(make, tracks):
+    X, y = tracks
+    affinities = make_motion_pipeline(("affine", "homography"), 2, **SMALL)[
+        0
+    ].fit_transform(X)
+    found = GridSearchCV(
+        make(random_state=0),
+        {"fusion": ["coreg"], "lam": [1e-3, 1e-1]},
+        scoring=make_scorer(adjusted_rand_score),
+        cv=whole(X),
+        error_score="raise",
+    ).fit(affinities, y)
+    assert np.isfinite(found.cv_results_["mean_test_score"]).all()
+
+
+def test_the_rows_of_a_fold_are_no_affinities(tracks):
+    block = np.kron(np.eye(2), np.ones((6, 6)))
+    with pytest.raises(ValueError, match="cross-validate tracks, with make_motion"):
+        MultiModelSpectralClustering().fit(np.hstack([block, block])[:7])
+
+
+# ------------------------------------------------------------- the number of hypotheses
+
+
+def test_a_kernel_that_disagrees_with_its_sampler_says_so(tracks):
+    sampler = HypothesisSampler(n_hypotheses=100, random_state=0)
+    with pytest.raises(ValueError, match="drew 100 hypotheses per frame pair, and the"):
+        make_pipeline(sampler, ORKKernel(n_hypotheses=50)).fit(tracks[0])
+
+
+def test_the_number_travels_with_the_residuals(tracks):
+    X, _ = tracks
+    residuals = HypothesisSampler(n_hypotheses=30, random_state=0).fit_transform(X)
+    told = ORKKernel(n_hypotheses=30).fit_transform(np.asarray(residuals))
+    for sent in (residuals, residuals.copy(), residuals[:], residuals[np.arange(60)]):
+        kernel = ORKKernel().fit(sent)
+        assert kernel.n_hypotheses_ == 30
+        assert_array_equal(kernel.transform(sent), told)
+
+
+def test_the_number_travels_with_data_frames(tracks):
+    sampler = HypothesisSampler(n_hypotheses=30, random_state=0)
+    frame = sampler.set_output(transform="pandas").fit_transform(tracks[0])
+    assert list(frame.columns[[0, 31]]) == ["pair0_hypothesis0", "pair1_hypothesis1"]
+    assert ORKKernel().fit(frame).n_hypotheses_ == 30
+
+
+def test_residuals_that_do_not_say_come_in_groups_of_500():
+    with pytest.raises(ValueError, match="groups of n_hypotheses=500, one per frame"):
+        ORKKernel().fit(np.ones((4, 510)))
+    assert ORKKernel().fit(np.ones((4, 1000))).n_hypotheses_ == 500
+
+
+@pytest.mark.parametrize("cached", [False, True])
+def test_a_sweep_of_the_samplers_hypotheses(tracks, cached, tmp_path):
+    X, y = tracks
+    memory = str(tmp_path) if cached else None
+    pipeline = make_motion_pipeline("homography", 2, memory=memory, **SMALL)
+    key = "affinity__homography__sampler__n_hypotheses"
+    search = GridSearchCV(
+        pipeline,
+        {key: [20, 40]},
+        scoring=make_scorer(misclassification_error),
+        cv=whole(X),
+        error_score="raise",
+        refit=False,
+    ).fit(X, y)
+    for n, error in zip((20, 40), search.cv_results_["mean_test_score"], strict=True):
+        labels = pipeline.set_params(**{key: n}).fit_predict(X)
+        assert misclassification_error(y, labels) == error
+
+
+# ----------------------------------------------------------------------- paths of grids
+
+PATHS = {
+    "cluster__fusion": "coreg",
+    "cluster__lam": 0.1,
+    "cluster__gamma": 0.1,
+    "cluster__delta": 0.5,
+    "cluster__n_clusters": 2,
+    "affinity__models": ("affine", "homography"),
+}
+
+
+@pytest.mark.parametrize("n_clusters", [3, "auto"])
+@pytest.mark.parametrize("path", PATHS)
+def test_paths_are_the_same_whether_or_not_the_number_is_known(
+    path, n_clusters, tracks
+):
+    X, y = tracks
+    pipeline = make_motion_pipeline(n_clusters=n_clusters, max_clusters=3, **SMALL)
+    found = GridSearchCV(
+        pipeline,
+        {path: [PATHS[path]]},
+        scoring=make_scorer(misclassification_error),
+        cv=whole(X),
+        error_score="raise",
+    ).fit(X, y)
+    direct = {path.removeprefix("cluster__"): PATHS[path]}
+    if path == "affinity__models":
+        direct = {"models": PATHS[path]}
+    again = make_motion_pipeline(
+        **{"n_clusters": n_clusters, "max_clusters": 3, **SMALL, **direct}
+    )
+    assert_array_equal(found.best_estimator_["cluster"].labels_, again.fit_predict(X))
+
+
+def test_subsets_of_the_models_are_one_key_of_a_grid(tracks):
+    X, y = tracks
+    subsets = [("affine", "homography"), ("homography", "fundamental"), "affine"]
+    found = GridSearchCV(
+        make_motion_pipeline(n_clusters=2, **SMALL),
+        {"affinity__models": subsets, "cluster__lam": [0.01, 0.1]},
+        scoring=make_scorer(misclassification_error, greater_is_better=False),
+        cv=whole(X),
+        error_score="raise",
+    ).fit(X, y)
+    assert len(found.cv_results_["params"]) == 6
+    for models in subsets:
+        union = make_motion_pipeline(n_clusters=2, **SMALL)[0].set_params(models=models)
+        n_models = 1 if isinstance(models, str) else len(models)
+        affinities = union.fit_transform(X)
+        assert affinities.shape == (60, 60 * n_models)
+        assert_array_equal(union.transform(X), affinities)
+        assert len(union.get_feature_names_out()) == 60 * n_models
+        assert union.n_features_in_ == X.shape[1]
+
+
+def test_models_of_a_union_must_be_there(tracks):
+    union = make_motion_pipeline(**SMALL)[0].set_params(models=("rigid",))
+    with pytest.raises(ValueError, match=r"models must be some of .*got \['rigid'\]"):
+        union.fit(tracks[0])
+
+
+# ------------------------------------------------------------------------------ scorers
+
+
+def test_scorers_of_scikit_learn_say_what_to_use(sequences):
+    X, y = sequences
+    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    with pytest.raises(
+        ValueError, match=r"use scoring=sequence_scorer\('adjusted_rand_score'\)"
+    ):
+        cross_val_score(
+            estimator, X, y, scoring="adjusted_rand_score", cv=2, error_score="raise"
+        )
+
+
+@pytest.mark.parametrize("scoring", ["adjusted_rand_score", adjusted_rand_score])
+def test_a_sequence_scorer_is_the_mean_over_sequences(scoring, sequences):
+    X, y = sequences
+    estimator = PerSequence(MotionSegmenter(2, **SMALL)).fit(X, y)
+    y = [np.where(np.arange(len(each)) < 3, -1, each) for each in y]
+    expected = np.mean(
+        [
+            adjusted_rand_score(true[3:], found[3:])
+            for true, found in zip(y, estimator.predict(X), strict=True)
+        ]
+    )
+    assert sequence_scorer(scoring)(estimator, X, y) == pytest.approx(expected)
+    search = GridSearchCV(
+        estimator,
+        {"estimator__fusion": ["coreg", "subset"]},
+        scoring=sequence_scorer(scoring),
+        cv=KFold(2),
+        error_score="raise",
+    ).fit(X, y)
+    assert np.isfinite(search.cv_results_["mean_test_score"]).all()
+
+
+def test_a_scorer_of_ones_own_gets_the_lists(sequences):
+    X, y = sequences
+
+    def score(y_true, y_pred):
+        return float(len(y_true) == len(y_pred))
+
+    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    assert set(cross_val_score(estimator, X, y, scoring=make_scorer(score), cv=2)) == {
+        1
+    }
+
+
+def test_an_unknown_scorer_is_refused_before_any_work():
+    with pytest.raises(ValueError, match="rand_skore"):
+        sequence_scorer("rand_skore")
+
+
+def test_more_folds_than_sequences_say_how_many_there_are(sequences):
+    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    with pytest.raises(ValueError, match="n_samples=4"):
+        cross_val_score(estimator, *sequences, cv=5)
+
+
+# ------------------------------------------------------------------- defaults and seeds
+
+
+def test_defaults_of_one_name_are_the_same_everywhere():
+    places = (
+        MotionSegmenter,
+        MultiModelSpectralClustering,
+        NCREModelSelector,
+        make_motion_pipeline,
+    )
+    for name in ("fusion", "lam", "gamma", "delta"):
+        defaults = {
+            inspect.signature(place).parameters[name].default
+            for place in places
+            if name in inspect.signature(place).parameters
+        }
+        assert len(defaults - {None}) == 1, name
+
+
+def test_there_are_fewer_parameters_than_there_were():
+    assert len(inspect.signature(MotionSegmenter).parameters) < 20
+
+
+def test_the_search_says_how_often_it_restarts():
+    assert "8 restarts" in MotionSegmenter.__doc__
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_a_nested_seed_holds(make):
+    block = np.kron(np.eye(2), np.ones((4, 4))) + 0.1
+    nested = MultiModelSpectralClustering(random_state=3)
+    fitted = make(nested, max_clusters=3, random_state=1).fit(block)
+    assert fitted.clusterer_.random_state == 3
+    free = make(MultiModelSpectralClustering(), max_clusters=3, random_state=1)
+    assert isinstance(free.fit(block).clusterer_.random_state, int | np.integer)
+
+
+def test_nothing_public_takes_a_private_type():
+    assert not hasattr(MultiModelSpectralClustering, "cluster_graph")
+
+
+@pytest.mark.parametrize("seed", [None, "instance"])
+def test_memory_without_a_seed_is_warned_of(seed, tracks, tmp_path):
+    X, _ = tracks
+    seed = np.random.RandomState(0) if seed else None
+    segmenter = MotionSegmenter(
+        2, n_hypotheses=20, memory=str(tmp_path), random_state=seed
+    )
+    with pytest.warns(UserWarning, match="memory has no effect without an integer ran"):
+        segmenter.fit(X)
+    with pytest.warns(UserWarning, match="random_state of the estimator"):
+        PerSequence(segmenter, memory=str(tmp_path)).fit([X])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "Persisting input arguments")
+        segmenter.set_params(random_state=0).fit(X)
+        PerSequence(segmenter, memory=str(tmp_path)).fit([X])
+
+
+@pytest.mark.parametrize("outliers", [0, 0.2])
+def test_predict_gives_fitted_tracks_their_label(outliers):
+    X, _ = make_rigid_motions(150, 6, outliers=outliers, random_state=0)
+    segmenter = MotionSegmenter(
+        n_hypotheses=100, max_motions=4, n_landmarks=60, random_state=0
+    ).fit(X)
+    assert_array_equal(segmenter.predict(X), segmenter.labels_)
+    order = np.random.default_rng(0).permutation(len(X))[:70]
+    assert_array_equal(segmenter.predict(X[order]), segmenter.labels_[order])
+
+
+@pytest.mark.parametrize(
+    "cls",
+    [MotionSegmenter, MultiModelSpectralClustering, PerSequence, make_motion_pipeline],
+)
+def test_n_jobs_is_documented_in_scikit_learns_words(cls):
+    words = " ".join(cls.__doc__.split())
+    assert "``None`` means 1 unless in a :obj:`joblib.parallel_backend`" in words
+    assert "``-1`` means using all processors" in words
+
+
+# ----------------------------------------------------------------------------------- -1
+
+
+def scene_of_every_kind():
+    """Tracks 0 to 2: seen once, never with another, and off their motion."""
+    X, _ = make_rigid_motions(120, 8, 2, missing=0, noise=0.1, random_state=0)
+    X = np.hstack([X, np.full((len(X), 6), np.nan)])
+    X[0, 2:] = np.nan
+    X[1] = np.nan
+    X[1, 16:] = [5, 5, 6, 6, 7, 7]  # the only one in the last three frames
+    X[2, :16] += np.random.default_rng(0).normal(0, 4, 16)
+    return X
+
+
+def test_reasons_of_minus_one_are_told_apart():
+    X = scene_of_every_kind()
+    segmenter = MotionSegmenter(2, n_hypotheses=200, random_state=0).fit(X)
+    assert segmenter.labels_[:3].tolist() == [-1, -1, -1]
+    assert segmenter.label_reasons_[:3].tolist() == ["too short", "isolated", "outlier"]
+    assert_array_equal(segmenter.label_reasons_ == "assigned", segmenter.labels_ >= 0)
+    report = segmenter.report(X)
+    assert report.unassigned["too short"] == report.unassigned["isolated"] == 1
+    assert sum(report.unassigned.values()) == report.n_outliers
+    assert "1 too short, 1 isolated)" in str(report)
+
+
+@pytest.mark.parametrize("selection", ["ncre", "eigengap", "self_tuning"])
+def test_rules_that_keep_outliers_have_other_reasons(selection):
+    X = scene_of_every_kind()
+    segmenter = MotionSegmenter(2, selection=selection, **SMALL).fit(X)
+    reasons = segmenter.label_reasons_
+    assert reasons[:2].tolist() == ["too short", "isolated"]
+    assert "outlier" not in reasons
+
+
+# --------------------------------------------------------------------- fitted geometry
+
+
+@pytest.mark.parametrize("selection", ["description_length", "ncre"])
+@pytest.mark.parametrize("n_landmarks", ["auto", 60])
+def test_matrices_residuals_and_inliers_agree(selection, n_landmarks, tracks):
+    X, _ = make_rigid_motions(120, 7, 2, missing=0.1, outliers=0.05, random_state=1)
+    X = np.insert(X, 4, np.nan, axis=1)
+    X = np.insert(X, 5, np.nan, axis=1)  # a frame that sees nothing
+    segmenter = MotionSegmenter(
+        2, selection=selection, n_landmarks=n_landmarks, **SMALL
+    ).fit(X)
+    points, visibility = unpack_tracks(X)
+    n_pairs = len(segmenter.frame_pairs_)
+    assert 2 not in segmenter.frame_pairs_
+    assert segmenter.matrices_.shape == (2, n_pairs, 3, 3)
+    assert segmenter.residuals_.shape == segmenter.inliers_.shape == (n_pairs, 120)
+    for pair, (f, g) in enumerate(segmenter.frame_pairs_):
+        for track, label in enumerate(segmenter.labels_):
+            found = segmenter.residuals_[pair, track]
+            F = segmenter.matrices_[label, pair]
+            seen = visibility[track, f] and visibility[track, g]
+            if label < 0 or not seen or np.isnan(F).any():
+                assert np.isnan(found)
+                assert not segmenter.inliers_[pair, track]
+                continue
+            x, y = (np.append(points[track, i], 1) for i in (f, g))
+            line, back = F @ x, F.T @ y
+            gradient = np.hypot(np.hypot(*line[:2]), np.hypot(*back[:2]))
+            assert_allclose(found, abs(y @ line) / gradient, rtol=1e-3, atol=1e-4)
+            within = found <= segmenter.inlier_thresholds_[label]
+            assert segmenter.inliers_[pair, track] == within
+    assert_allclose(np.linalg.norm(segmenter.matrices_[0, 0]), 1)
+    assert segmenter.inliers_[:, segmenter.labels_ == 0].mean() > 0.7
+
+
+# ------------------------------------------------------------------------------ reports
+
+
+def test_a_report_gives_numbers_beside_its_text(tracks):
+    X, _ = tracks
+    segmenter = MotionSegmenter(max_motions=3, **SMALL).fit(X)
+    report = segmenter.report(X)
+    numbers = json.loads(json.dumps(report.to_dict()))
+    assert numbers["motions"][0]["n_tracks"] == report.motions[0].n_tracks
+    assert numbers["unassigned"] == report.unassigned
+    motions = pd.DataFrame(report.motion_rows()).set_index("label")
+    assert motions.n_tracks.sum() + report.n_outliers == len(X)
+    assert motions.loc[0, "residual"] == report.motions[0].residual
+    counts = pd.DataFrame(report.count_rows()).set_index("n_motions")
+    assert_array_equal(counts[list(segmenter.cost_names_)], segmenter.costs_[:, :2])
+    assert counts.chosen.sum() == 1
+
+
+# ------------------------------------------------------------ selection as an estimator
+
+
+class Halves(ClusterMixin, BaseEstimator):
+    """A rule of one's own with nothing but labels: a track and every second other."""
+
+    def fit(self, X, y=None):
+        self.labels_ = np.arange(len(X)) % 2
+        return self
+
+
+def test_selection_takes_an_estimator(tracks):
+    X, _ = tracks
+    named = MotionSegmenter(selection="ncre", fusion="coreg", delta=0.5, **SMALL)
+    given = MotionSegmenter(
+        selection=NCREModelSelector(fusion="coreg", delta=0.5), **SMALL
+    )
+    assert_array_equal(named.fit_predict(X), given.fit_predict(X))
+    assert isinstance(given.selector_, NCREModelSelector)
+    assert given.cost_weights_ == (1, 0.5)
+    assert not hasattr(given.selection, "labels_")  # a clone is fitted
+    known = given.set_params(n_motions=2, selection__fusion="subset").fit(X)
+    assert known.n_motions_ == 2
+    clusterer = MotionSegmenter(3, selection=MultiModelSpectralClustering(), **SMALL)
+    assert clusterer.fit(X).n_motions_ == 3
+
+
+def test_a_rule_with_nothing_but_labels_will_do(tracks):
+    X, _ = tracks
+    segmenter = MotionSegmenter(selection=Halves(), **SMALL).fit(X)
+    assert_array_equal(segmenter.labels_, np.arange(60) % 2)
+    assert segmenter.report(X).counts[0].chosen
+    display = CountDisplay.from_estimator(segmenter)
+    assert display.chosen == 2
+
+
+@pytest.mark.parametrize("make", SELECTORS)
+def test_selectors_say_what_their_costs_are(make):
+    block = np.kron(np.eye(3), np.ones((4, 4))) + 0.1
+    selector = make(max_clusters=4, random_state=0).fit(block)
+    assert all(isinstance(name, str) for name in selector.cost_names_)
+    weighted = selector.costs_[:, :2] @ selector.cost_weights_
+    assert_allclose(weighted, selector.costs_[:, 2], atol=1e-12)
+    assert selector.cost_tolerance_ > 0
+
+
+# ----------------------------------------------------------------- fusions of one's own
+
+
+def mean_of_views(views, n_clusters):
+    """Kernel addition, as a function of one's own."""
+    _, vectors = np.linalg.eigh(views.sum(axis=0))
+    return np.stack([vectors[:, ::-1][:, :n_clusters]] * len(views))
+
+
+def test_a_fusion_may_be_a_function(tracks):
+    X, y = tracks
+    own = MotionSegmenter(2, fusion=mean_of_views, selection="ncre", **SMALL).fit(X)
+    assert misclassification_error(y, own.labels_) < 0.05
+    by_length = MotionSegmenter(2, fusion=mean_of_views, **SMALL).fit(X)
+    assert misclassification_error(y, by_length.labels_) < 0.05
+    pipeline = make_motion_pipeline(n_clusters=2, fusion=mean_of_views, **SMALL).fit(X)
+    assert_array_equal(pipeline["cluster"].labels_, own.labels_)
+    assert_array_equal(pipeline.predict(X) >= 0, own.labels_ >= 0)
+
+
+def test_a_fusion_of_another_shape_is_refused():
+    clustering = MultiModelSpectralClustering(fusion=lambda views, n: views[:, :, :1])
+    with pytest.raises(ValueError, match=r"a fusion must give .*\(1, 4, 2\); got"):
+        clustering.fit(np.ones((4, 4)))
