@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import distance_transform_edt
 from scipy.optimize import linear_sum_assignment
 from sklearn.base import BaseEstimator
 from sklearn.metrics import get_scorer
@@ -332,6 +333,103 @@ def fbms_mean(scores: Sequence[FBMSScores]) -> FBMSScores:
     density, precision, recall = np.mean([score[:3] for score in scores], axis=0)
     f_measure = _harmonic(precision, recall)
     return FBMSScores(*map(float, (density, precision, recall, f_measure)))
+
+
+def region_similarity(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
+    """Intersection over union of two binary masks: J of DAVIS.
+
+    Parameters
+    ----------
+    y_true, y_pred : array-like of bool, shape (height, width)
+
+    Returns
+    -------
+    float
+        Between 0 and 1; 1 if both are empty.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ or are not of two dimensions.
+
+    References
+    ----------
+    F. Perazzi et al., "A Benchmark Dataset and Evaluation Methodology for Video Object
+    Segmentation", CVPR 2016, sec. 4.1.
+
+    Examples
+    --------
+    >>> from skmotionseg.metrics import region_similarity
+    >>> region_similarity([[1, 1, 0, 0]], [[0, 1, 1, 0]])
+    0.3333333333333333
+    """
+    true, found = _as_masks(y_true, y_pred)
+    union = (true | found).sum()
+    return float((true & found).sum() / union) if union else 1.0
+
+
+def boundary_f_measure(
+    y_true: npt.ArrayLike, y_pred: npt.ArrayLike, *, tolerance: float = 0.008
+) -> float:
+    """How well the outlines of two binary masks agree: F of DAVIS.
+
+    The harmonic mean of the share of the found outline that is near the true one and
+    the share of the true outline that is near the found one.
+
+    Parameters
+    ----------
+    y_true, y_pred : array-like of bool, shape (height, width)
+    tolerance : float, default=0.008
+        What is near, as a share of the diagonal, rounded up to pixels.
+
+    Returns
+    -------
+    float
+        Between 0 and 1; 1 if neither has an outline.
+
+    Raises
+    ------
+    ValueError
+        If the shapes differ or are not of two dimensions.
+
+    References
+    ----------
+    F. Perazzi et al., "A Benchmark Dataset and Evaluation Methodology for Video Object
+    Segmentation", CVPR 2016, sec. 4.1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg.metrics import boundary_f_measure
+    >>> mask = np.zeros((60, 80), dtype=bool)
+    >>> mask[20:40, 20:40] = True
+    >>> boundary_f_measure(mask, mask), boundary_f_measure(mask, np.roll(mask, 30))
+    (1.0, 0.0)
+    """
+    true, found = (_outline(mask) for mask in _as_masks(y_true, y_pred))
+    if not true.any() or not found.any():
+        return float(true.any() == found.any())
+    reach = np.ceil(tolerance * np.hypot(*true.shape))
+    precision = (distance_transform_edt(~true)[found] <= reach).mean()
+    recall = (distance_transform_edt(~found)[true] <= reach).mean()
+    return float(_harmonic(precision, recall))
+
+
+def _as_masks(y_true, y_pred):
+    true, found = (np.asarray(mask, dtype=bool) for mask in (y_true, y_pred))
+    if true.ndim != 2 or true.shape != found.shape:
+        raise ValueError(
+            "two masks of one shape (height, width) are needed; got "
+            f"{true.shape} and {found.shape}"
+        )
+    return true, found
+
+
+def _outline(mask):
+    """Pixels that differ from their right, lower or lower right neighbour."""
+    padded = np.pad(mask, ((0, 1), (0, 1)), mode="edge")
+    shifted = (padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:])
+    return (mask ^ shifted[0]) | (mask ^ shifted[1]) | (mask ^ shifted[2])
 
 
 # A region with less than this (in weighted pixels) is not visible, says the program.

@@ -51,8 +51,7 @@ def add_bench(commands):
 
 def _run_bench(arguments):
     from .checkpoints import Journal
-    from .region_runs import summarize_regions
-    from .runs import find_sequences, run, summarize
+    from .runs import find_sequences, run
 
     console = require("rich.console", extra="cli").Console()
     check_output(arguments.json)
@@ -76,13 +75,26 @@ def _run_bench(arguments):
     if arguments.json is not None:
         with replacing(arguments.json) as file:
             file.write(json.dumps(records, indent=1).encode())
+    _print_tables(console, records, arguments.methods)
+
+
+def _print_tables(console, records, methods):
+    """A table per dataset and kind of truth: labels, regions or the masks of videos."""
+    from .region_runs import summarize_regions
+    from .runs import summarize
+    from .video_runs import summarize_videos
+
+    videos = summarize_videos([r for r in records if "video" in r])
+    records = [record for record in records if "video" not in record]
     counted = [record for record in records if "error_known" in record]
     if counted:
-        for table in _bench_tables(summarize(counted), arguments.methods):
+        for table in _bench_tables(summarize(counted), methods):
             console.print(table)
     regions = summarize_regions([r for r in records if "error_known" not in r])
     for part in dict.fromkeys(key[:2] for key in regions):
-        console.print(_region_table(regions, part, arguments.methods))
+        console.print(_region_table(regions, part, methods))
+    for dataset in dict.fromkeys(key[0] for key in videos):
+        console.print(_video_table(videos, dataset, methods))
 
 
 def _bench_tables(summary, methods):
@@ -145,6 +157,36 @@ def _region_table(summary, part, methods):
             *(_figure(ours[name], theirs) for name, theirs in cells),
             _figure(ours["extracted"], None),
             f"{ours['seconds']:.2f}",
+        )
+    return table
+
+
+def _video_table(summary, dataset, methods):
+    """One dataset of videos: a row per method."""
+    from .video_runs import BINARY_FIGURES, REGION_FIGURES
+
+    first = summary[dataset, methods[0]]
+    figures = BINARY_FIGURES if first["binary"] else REGION_FIGURES
+    table = _figure_table(
+        f"{dataset}: {first['n_sequences']} videos, {first['n_seeds']} seeds, from the "
+        "frames alone; percent, ± over seeds; seconds per frame"
+    )
+    counts = [] if first["binary"] else ["", "points_"]
+    for title in figures.values():
+        table.add_column(title, justify="right")
+    for prefix in counts:
+        visible = first[f"{prefix}visible"][0]
+        what = "by points" if prefix else "by pixels"
+        table.add_column(f"objects of {visible:.0f} {what}", justify="right")
+    for stage in first["seconds"]:
+        table.add_column(stage, justify="right")
+    for method in methods:
+        ours = summary[dataset, method]
+        table.add_row(
+            method,
+            *(_figure(ours[name], None) for name in figures),
+            *(_figure(ours[f"{prefix}extracted"], None) for prefix in counts),
+            *(f"{seconds:.2f}" for seconds in ours["seconds"].values()),
         )
     return table
 

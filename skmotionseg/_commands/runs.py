@@ -21,6 +21,7 @@ from ..metrics import misclassification_error
 from ..segmentation import MotionSegmenter
 from .checkpoints import run_key
 from .region_runs import REGION_LOADERS, has_regions, measure_regions
+from .video_runs import VIDEO_LOADERS, has_frames, measure_video
 
 LOADERS = {
     "Hopkins155": load_hopkins155,
@@ -28,6 +29,7 @@ LOADERS = {
     "MTPV62": load_mtpv62,
     **REGION_LOADERS,
     "KT3DMoSeg": load_kt3dmoseg,
+    **VIDEO_LOADERS,
 }
 
 # The paper's methods choose the number of motions as the paper does; then those that it
@@ -193,6 +195,8 @@ def bench_sequence(sequence, runs, done, folder, journal=None):
 
 
 def _measure(sequence, params, seed):
+    if has_frames(sequence):
+        return measure_video(sequence, params, seed)
     if has_regions(sequence):
         return measure_regions(sequence, params, seed)
     X, y = sequence.data, sequence.target

@@ -4,9 +4,12 @@ from ._benchmarks import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_m
 from ._files import load_tracks
 from ._regions import load_complex_background, load_fbms59
 from ._synthetic import make_rigid_motions
+from ._videos import load_bms26, load_davis16
 
 __all__ = [
+    "load_bms26",
     "load_complex_background",
+    "load_davis16",
     "load_fbms59",
     "load_hopkins12",
     "load_hopkins155",

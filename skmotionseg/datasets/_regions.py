@@ -332,7 +332,7 @@ def _masks_of_names(truth, first_number):
 
 def _read_regions(paths, scales):
     """Region (height, width) and weight of each pixel for each mask, and a count."""
-    images = [_read_image(path) for path in paths]
+    images = [read_mask(path) for path in paths]
     if scales is None:
         scales = np.unique(np.concatenate([np.unique(image) for image in images]))
     scales = np.asarray(scales)
@@ -369,7 +369,7 @@ def _read_weights(path, shape):
     beside = path.with_suffix(".pgm")
     if path.suffix.lower() != ".ppm" or not beside.is_file():
         return np.ones(shape)
-    weights = _read_image(beside) / 255
+    weights = read_mask(beside) / 255
     if weights.shape != shape:
         raise ValueError(
             f"{beside} must be as large as its mask, {shape}; got {weights.shape}"
@@ -377,7 +377,7 @@ def _read_weights(path, shape):
     return weights
 
 
-def _read_image(path):
+def read_mask(path):
     """Grey values, or 65536 red + 256 green + blue, of an image (height, width)."""
     # Pillow comes with matplotlib, and so with the extra; it reads all kinds of
     # portable maps, and .png.

@@ -65,10 +65,11 @@ def dense_masks(
     progress : callable, optional
         Called after each frame with the number done and the number there will be.
 
-    Yields
-    ------
-    ndarray of uint8, shape (height, width)
-        A label of ``labels`` for each pixel of a frame, for ``n_frames`` frames.
+    Returns
+    -------
+    iterator of ndarray of uint8, shape (height, width)
+        A label of ``labels`` for each pixel of a frame, for ``n_frames`` frames; each
+        is computed when it is asked for.
 
     Raises
     ------

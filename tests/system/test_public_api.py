@@ -74,7 +74,9 @@ def test_the_contract():
         "unpack_tracks",
     }
     assert set(datasets.__all__) == {
+        "load_bms26",
         "load_complex_background",
+        "load_davis16",
         "load_fbms59",
         "load_hopkins12",
         "load_hopkins155",
@@ -84,11 +86,13 @@ def test_the_contract():
         "make_rigid_motions",
     }
     assert functions_of(metrics) == {
+        "boundary_f_measure",
         "fbms_mean",
         "fbms_objects",
         "fbms_scores",
         "misclassification_error",
         "motion_count_accuracy",
+        "region_similarity",
     }
     assert set(plotting.__all__) == {
         "AffinityDisplay",

@@ -1,0 +1,359 @@
+"""Masks of videos made on the fly, whose moving parts are known."""
+
+from __future__ import annotations
+
+import io
+import json
+import weakref
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from skmotionseg import pack_tracks
+from skmotionseg._utils.png import davis_palette, encode_grey, encode_labels
+from skmotionseg.cli import main
+from skmotionseg.metrics import boundary_f_measure, region_similarity
+from skmotionseg.video import (
+    dense_masks,
+    find_objects,
+    prompt_points,
+    render_segmentation,
+    track_video,
+)
+from skmotionseg.video._evidence import ColourGrid, fill, fit_affine, motion_field
+from skmotionseg.video._random_walk import edge_weights, random_walk
+
+cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
+
+WIDTH, HEIGHT, N_FRAMES = 160, 120, 10
+
+
+def textured(seed, size):
+    noise = np.random.default_rng(seed).normal(size=(*size, 3))
+    noise = gaussian_filter(noise, (1.5, 1.5, 0))
+    return (110 + 35 * seed + 45 * noise / noise.std()).clip(0, 255).astype(np.uint8)
+
+
+def inside(frame):
+    """The disk of a frame, bool (height, width)."""
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    return (x - 50 - 4 * frame) ** 2 + (y - 60) ** 2 < 26**2
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """A disk that moves over a scene that moves, too."""
+    scene, thing = textured(0, (140, 200)), textured(1, (HEIGHT, WIDTH + 60))
+    made = []
+    for f in range(N_FRAMES):
+        picture = scene[f : f + HEIGHT, f : f + WIDTH].copy()
+        shown = thing[:, 50 - 4 * f : 50 - 4 * f + WIDTH]
+        picture[inside(f)] = shown[inside(f)]
+        made.append(picture)
+    return made
+
+
+@pytest.fixture(scope="module")
+def tracked(frames):
+    """Tracks, and the truth about them."""
+    X = track_video(frames).tracks
+    points = X.reshape(len(X), -1, 2)
+    first = np.isfinite(points[..., 0]).argmax(axis=1)
+    start = np.rint(points[np.arange(len(X)), first]).astype(int)
+    masks = np.stack([inside(f) for f in range(N_FRAMES)])
+    return X, masks[first, start[:, 1], start[:, 0]].astype(int)
+
+
+# ------------------------------------------------------------------------------ masks
+
+
+def test_masks_are_the_moving_thing(frames, tracked):
+    masks = list(dense_masks(frames, *tracked))
+    assert len(masks) == N_FRAMES
+    for frame, mask in enumerate(masks):
+        assert mask.dtype == np.uint8 and mask.shape == (HEIGHT, WIDTH)
+        assert region_similarity(inside(frame), mask == 1) > 0.85
+        assert boundary_f_measure(inside(frame), mask == 1, tolerance=0.02) > 0.8
+
+
+def test_masks_of_shrunk_frames_have_the_size_of_the_frames(frames, tracked):
+    for frame, mask in enumerate(dense_masks(frames, *tracked, max_side=96)):
+        assert mask.shape == (HEIGHT, WIDTH)
+        assert region_similarity(inside(frame), mask == 1) > 0.75
+
+
+def test_masks_have_the_labels_that_tracks_have(frames, tracked):
+    X, labels = tracked
+    plain = list(dense_masks(frames, X, labels))
+    named = list(dense_masks(frames, X, np.where(labels, 7, 3)))
+    for mask, other in zip(plain, named, strict=True):
+        np.testing.assert_array_equal(np.where(mask, 7, 3), other)
+
+
+def test_one_label_fills_the_frame(frames, tracked):
+    X, _ = tracked
+    for mask in dense_masks(frames, X, np.full(len(X), 4)):
+        assert (mask == 4).all()
+
+
+def test_rejected_tracks_do_not_count(frames, tracked):
+    X, labels = tracked
+    lost = np.arange(len(X)) % 3 == 0
+    masks = dense_masks(frames, X, np.where(lost, -1, labels))
+    alone = dense_masks(frames, X[~lost], labels[~lost])
+    for mask, other in zip(masks, alone, strict=True):
+        np.testing.assert_array_equal(mask, other)
+
+
+def test_frames_without_tracks_go_on_as_before(frames, tracked):
+    X, labels = tracked
+    X = X.copy()
+    X[:, 10:14] = np.nan  # frames 5 and 6
+    masks = list(dense_masks(frames, X, labels))
+    for frame in (5, 6):
+        assert region_similarity(inside(frame), masks[frame] == 1) > 0.6
+
+
+def test_no_more_than_three_frames_are_held_for_masks(frames, tracked):
+    alive, most = weakref.WeakSet(), 0
+
+    class Frame(np.ndarray):
+        """An array that can be kept in a set."""
+
+        __hash__ = object.__hash__
+        __eq__ = object.__eq__
+
+    def count_frames():
+        nonlocal most
+        for picture in frames:
+            frame = picture.copy().view(Frame)
+            alive.add(frame)
+            most = max(most, len(alive))
+            yield frame
+            del frame
+
+    assert sum(1 for _ in dense_masks(count_frames(), *tracked)) == N_FRAMES
+    assert 1 <= most <= 3
+
+
+def test_progress_counts_the_masks(frames, tracked):
+    calls = []
+    list(dense_masks(frames, *tracked, progress=lambda *call: calls.append(call)))
+    assert calls == [(done, N_FRAMES) for done in range(1, N_FRAMES + 1)]
+
+
+@pytest.mark.parametrize(
+    "labels, options, words",
+    [
+        ([0], {}, "need a label each|one label|labels"),
+        (-1, {}, "one labelled track or more"),
+        (255, {}, "labels must be below 255; got 255"),
+        (0, {"max_side": 8}, "max_side must be an integer of 16 or more; got 8"),
+    ],
+)
+def test_masks_that_cannot_be(frames, tracked, labels, options, words):
+    X, _ = tracked
+    labels = np.full(len(X), labels) if np.isscalar(labels) else labels
+    with pytest.raises(ValueError, match=words):
+        dense_masks(frames, X, labels, **options)
+
+
+def test_masks_need_the_frames_of_the_tracks(frames, tracked):
+    with pytest.raises(ValueError, match=f"have {N_FRAMES} frames, but the arrays 4"):
+        list(dense_masks(frames[:4], *tracked))
+    small = [np.zeros((8, 40), np.uint8)] * N_FRAMES
+    with pytest.raises(ValueError, match="16 pixels per side or more for masks"):
+        list(dense_masks(small, *tracked))
+
+
+# ---------------------------------------------------------------------- random walker
+
+
+def test_a_random_walk_solves_its_linear_system():
+    rng = np.random.default_rng(0)
+    evidence = rng.random((3, 7, 9)).astype(np.float32)
+    across = rng.random((7, 8)).astype(np.float32)
+    down = rng.random((6, 9)).astype(np.float32)
+    number = np.arange(63).reshape(7, 9)
+    matrix = np.diag(evidence.sum(axis=0).ravel()).astype(float)
+    for one, other, weight in (
+        (number[:, :-1], number[:, 1:], across),
+        (number[:-1], number[1:], down),
+    ):
+        for i, j, w in zip(one.ravel(), other.ravel(), weight.ravel(), strict=True):
+            matrix[i, i] += w
+            matrix[j, j] += w
+            matrix[i, j] -= w
+            matrix[j, i] -= w
+    exact = np.linalg.solve(matrix, evidence.reshape(3, -1).T).T.reshape(3, 7, 9)
+    walk = random_walk(evidence, across, down, np.full_like(evidence, 1 / 3))
+    np.testing.assert_allclose(walk, exact, atol=5e-3)
+    np.testing.assert_allclose(walk.sum(axis=0), 1, atol=1e-5)
+
+
+def test_edges_tie_less():
+    picture = np.zeros((8, 10, 3), np.uint8)
+    picture[:, 5:] = 200
+    across, down = edge_weights(picture, 2.0, 0.1)
+    assert across.shape == (8, 9) and down.shape == (7, 10)
+    assert across[:, 4].max() < across[:, 0].min() == pytest.approx(2.2)
+    np.testing.assert_allclose(down, 2.2, rtol=1e-6)
+
+
+def test_gaps_of_a_field_are_filled():
+    values = np.zeros((16, 16, 2), np.float32)
+    values[3, 4], values[12, 12] = (2, -1), (2, -1)
+    weight = (values[..., 0] != 0).astype(np.float32)
+    np.testing.assert_allclose(fill(values, weight)[..., 0], 2, atol=1e-4)
+    empty = fill(values * 0, weight * 0)
+    np.testing.assert_array_equal(empty, 0)
+
+
+def test_a_motion_field_is_that_of_its_tracks():
+    rng = np.random.default_rng(0)
+    points = rng.uniform([0, 0], [WIDTH, HEIGHT], (80, 2))
+    steps = points @ [[0.02, 0.01], [-0.01, 0.02]] + [3, -1]
+    field, distance = motion_field(points, steps, (HEIGHT, WIDTH))
+    assert field.shape == (HEIGHT, WIDTH, 2) and distance.shape == (HEIGHT, WIDTH)
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    truth = np.stack([x, y], axis=2) @ [[0.02, 0.01], [-0.01, 0.02]] + [3, -1]
+    assert np.median(np.abs(field - truth)) < 0.05
+    assert distance.min() == 0 < distance.max() < WIDTH
+    steps[:12] += 30  # outliers
+    matrix = [[0.02, 0.01], [-0.01, 0.02], [3, -1]]
+    np.testing.assert_allclose(fit_affine(points, steps), matrix, atol=0.05)
+
+
+def test_colours_tell_motions_apart_where_they_are():
+    picture = np.full((64, 64, 3), 30, np.uint8)
+    picture[:, 32:] = (20, 220, 60)
+    grid = ColourGrid((64, 64))
+    cells = grid.cells(grid.colours(picture))
+    known = np.zeros((2, 64, 64), np.float32)
+    known[0, :, :32], known[1, :, 32:] = 1, 1
+    logs = grid.evidence(cells, known, cells)
+    assert (logs[0, :, :32] == 0).all() and (logs[1, :, 32:] == 0).all()
+    assert logs[1, :, :32].max() < -2 and logs[0, :, 32:].max() < -2
+
+
+# -------------------------------------------------------------------- files, pictures
+
+
+def test_palette_images_are_read_as_written():
+    labels = np.arange(256, dtype=np.uint8).reshape(8, 32)
+    image = pytest.importorskip("PIL.Image")
+    with image.open(io.BytesIO(encode_labels(labels))) as read:
+        assert read.mode == "P"
+        np.testing.assert_array_equal(np.asarray(read), labels)
+        palette = np.reshape(read.getpalette(), (-1, 3))
+    np.testing.assert_array_equal(palette, davis_palette())
+    assert palette[:4].tolist() == [[0, 0, 0], [128, 0, 0], [0, 128, 0], [128, 128, 0]]
+    grey = cv2.imdecode(np.frombuffer(encode_grey(labels), np.uint8), -1)
+    np.testing.assert_array_equal(grey, labels)
+
+
+def test_masks_are_drawn_so_that_the_image_shows(tmp_path):
+    frames = np.full((2, 60, 80), 100, dtype=np.uint8)
+    masks = np.zeros((2, 60, 80), np.uint8)
+    masks[:, 20:40, 30:60] = 1
+    X = np.tile([40.0, 30], (1, 2))
+    render_segmentation(frames, X, [1], tmp_path / "out.png", masks=masks)
+    sheet = cv2.imread(str(tmp_path / "out.png")).astype(int)
+    assert (sheet[50, 70] == 100).all()
+    covered = sheet[30, 45]
+    assert (covered != 100).any() and np.abs(covered - 100).max() < 60
+    with pytest.raises(ValueError, match=r"frame 1 needs a mask .*60, 80.*got none"):
+        render_segmentation(frames, X, [1], tmp_path / "out.png", masks=masks[:1])
+    with pytest.raises(ValueError, match=r"frame 0 needs a mask .* one of shape"):
+        render_segmentation(frames, X, [1], tmp_path / "out.png", masks=masks[:, 1:])
+
+
+def test_prompts_lie_on_and_off_their_motion(tracked):
+    X, labels = tracked
+    prompts = prompt_points(X, labels, n_points=3)
+    assert [prompt["frame"] for prompt in prompts] == list(range(N_FRAMES))
+    for prompt in prompts:
+        mask = inside(prompt["frame"])
+        for points, on in ((prompt["positive"], True), (prompt["negative"], False)):
+            assert len(points) == 3
+            x, y = np.rint(points).astype(int).T
+            assert (mask[y, x] == on).mean() > 0.6
+        x, y = np.rint(prompt["positive"]).astype(int).T
+        assert mask[y, x].all()
+    alone = prompt_points([[1, 2, 3, 4]], [5])
+    assert [p["positive"] for p in alone] == [[[1.0, 2.0]], [[3.0, 4.0]]]
+    assert alone[0]["negative"] == []
+    with pytest.raises(ValueError, match="n_points must be an integer of 1 or more"):
+        prompt_points(X, labels, n_points=0)
+
+
+def test_objects_of_a_video(tracked):
+    X, labels = tracked
+    swapped = find_objects(X, 1 - labels, width=WIDTH, height=HEIGHT)
+    assert (swapped[labels == 0] == 0).mean() > 0.95
+    assert (swapped[labels == 1] == 1).mean() > 0.95
+
+
+# ---------------------------------------------------------------------------- command
+
+
+@pytest.fixture(scope="module")
+def folder(frames, tmp_path_factory):
+    home = tmp_path_factory.mktemp("frames")
+    for number, frame in enumerate(frames):
+        cv2.imwrite(str(home / f"im{number}.png"), frame)
+    return home
+
+
+def test_segment_writes_masks(folder, tmp_path, capsys):
+    masks, static = tmp_path / "masks", tmp_path / "static"
+    prompts, sheet = tmp_path / "prompts.json", tmp_path / "sheet.png"
+    options = ["--masks", masks, "--static-masks", static, "--prompts", prompts]
+    options += ["--render", sheet, "--motions", 2, "--max-frames", 6, "--jobs", 1]
+    code = main(["segment", str(folder), *map(str, options)])
+    assert (code, capsys.readouterr().err) == (0, "")
+    names = [f"im{number}" for number in range(6)]
+    assert sorted(path.name for path in masks.iterdir()) == [f"{n}.png" for n in names]
+    assert sorted(p.name for p in static.iterdir()) == [f"{n}.png.png" for n in names]
+    for frame, name in enumerate(names):
+        grey = cv2.imread(str(static / f"{name}.png.png"), cv2.IMREAD_UNCHANGED)
+        assert set(np.unique(grey)) == {0, 255}
+        assert region_similarity(inside(frame), grey == 0) > 0.7
+        colours = cv2.imread(str(masks / f"{name}.png"))
+        np.testing.assert_array_equal((colours == 0).all(axis=2), grey == 255)
+    said = json.loads(prompts.read_text())["prompts"]
+    assert {prompt["image"] for prompt in said} == {f"{name}.png" for name in names}
+    assert cv2.imread(str(sheet)).shape == (2 * HEIGHT, 3 * WIDTH, 3)
+
+
+def test_segment_takes_every_other_frame(folder, tmp_path, capsys):
+    masks = tmp_path / "masks"
+    options = ["--masks", masks, "--stride", 2, "--motions", 2, "--jobs", 1]
+    assert main(["segment", str(folder), *map(str, options)]) == 0
+    names = [f"im{number}.png" for number in range(0, N_FRAMES, 2)]
+    assert sorted(path.name for path in masks.iterdir()) == names
+
+
+@pytest.mark.parametrize(
+    "option, value, words",
+    [
+        ("--masks", "nowhere/masks", "no folder to write"),
+        ("--static-masks", "file", "not a folder that masks"),
+        ("--prompts", "points.txt", "end in .json"),
+    ],
+)
+def test_segment_refuses_where_masks_cannot_go(
+    folder, tmp_path, capsys, option, value, words
+):
+    (tmp_path / "file").touch()
+    assert main(["segment", str(folder), option, str(tmp_path / value)]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_masks_of_tracks_without_a_video_are_refused(tmp_path, capsys):
+    path = tmp_path / "tracks.npz"
+    X = pack_tracks(np.random.default_rng(0).uniform(0, 90, (20, 6, 2)))
+    np.savez(path, X=X)
+    assert main(["segment", str(path), "--masks", str(tmp_path / "masks")]) == 2
+    assert "--masks needs a video or a folder of frames" in capsys.readouterr().err
