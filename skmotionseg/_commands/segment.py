@@ -64,7 +64,9 @@ def add_segment(commands):
     )
     videos = segment.add_argument_group("videos")
     videos.add_argument(
-        "--grid", type=count, default=8, help="pixels between tracks (8)"
+        "--grid",
+        type=count,
+        help="pixels between tracks (8; 5 to 7 in small frames)",
     )
     videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
     videos.add_argument(

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import map_coordinates
+from scipy.ndimage import binary_dilation, map_coordinates, median_filter
 from scipy.spatial import KDTree
 
 # A new point keeps this many grid spacings away from live ones: less, and points pile
 # up where the picture moves across the grid; more, and gaps stay open.
 CLEARANCE = 0.75
+# Cells, per side, among which a cell's flow is compared; by how much it must differ
+# from their median, pixels; and how many times the usual difference is added to that.
+AROUND = 15
+LEAST_CONTRAST, CONTRAST_SHARE = 0.4, 3.0
 
 
 class TrackLog:
@@ -141,6 +145,44 @@ def field_gradient(field, points):
         for step in ([1.0, 0.0], [0.0, 1.0])
     )
     return np.sqrt((across**2 + down**2).sum(axis=1))
+
+
+def stands_out(field, cell):
+    """Where a vector field differs from what it is around.
+
+    Parameters
+    ----------
+    field : ndarray of shape (height, width, 2)
+    cell : int
+        Side of the square cells in which it is compared, pixels.
+
+    Returns
+    -------
+    ndarray of bool, shape (height, width)
+        Cells whose median differs by more than ``LEAST_CONTRAST``, and a share of how
+        far the field is spread, from the median of the ``AROUND`` x ``AROUND`` cells
+        around, grown by a cell on each side.
+    """
+    height, width = field.shape[:2]
+    middle = field[cell // 2 :: cell, cell // 2 :: cell]
+    around = np.stack([_median_around(part) for part in np.moveaxis(middle, 2, 0)])
+    contrast = np.hypot(*(np.moveaxis(middle, 2, 0) - around))
+    limit = LEAST_CONTRAST + CONTRAST_SHARE * np.median(contrast)
+    apart = binary_dilation(median_filter(contrast, 3) > limit, np.ones((3, 3)))
+    row, column = (
+        np.minimum(np.arange(n) // cell, m - 1)
+        for n, m in zip((height, width), apart.shape, strict=True)
+    )
+    return apart[row[:, None], column]
+
+
+def _median_around(values):
+    """Median of the cells around each; slopes go on beyond the edges."""
+    margin = AROUND // 2
+    if min(values.shape) <= margin:
+        return median_filter(values, AROUND)
+    padded = np.pad(values, margin, mode="reflect", reflect_type="odd")
+    return median_filter(padded, AROUND)[margin:-margin, margin:-margin]
 
 
 def is_inside(points, shape):

@@ -12,7 +12,14 @@ from .._core.geometry.tracks import pack_tracks
 from .._utils.optional import require
 from ._checks import check_number, make_reporter
 from ._frames import SMALLEST_SIDE, Progress, Source, open_frames
-from ._grid import TrackLog, field_gradient, is_inside, sample_field, seed_points
+from ._grid import (
+    TrackLog,
+    field_gradient,
+    is_inside,
+    sample_field,
+    seed_points,
+    stands_out,
+)
 
 # Side, in pixels, of the window in which texture is measured and flow is refined.
 WINDOW = 11
@@ -20,6 +27,11 @@ WINDOW = 11
 # of the covered one would go on with the other. Sundaram et al. let the limit grow with
 # the flow, which lets such tracks through in quick scenes.
 MAX_FLOW_GRADIENT = 0.22
+# Cells of the grid that frames have by default, and the sides that these have.
+N_CELLS = 4800
+SMALLEST_SPACING, LARGEST_SPACING = 5, 8
+# Share of the cells that may be added where things move.
+EXTRA_CELLS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +66,7 @@ class VideoTracks:
 def track_video(
     source: Source,
     *,
-    grid_spacing: int = 8,
+    grid_spacing: int | None = None,
     max_error: float = 1.0,
     min_length: int = 5,
     min_texture: float = 0.03,
@@ -65,7 +77,9 @@ def track_video(
     """Track points on a dense grid through a video.
 
     In each frame, each cell of the grid that no track is in or near gets a new one, at
-    its best textured pixel. A track follows the optical flow (DIS, then
+    its best textured pixel. Where the flow differs from that around, as on a small
+    thing that moves, cells have half the side, or as much as adds no more than a
+    quarter to their number. A track follows the optical flow (DIS, then
     Lucas-Kanade to a few hundredths of a pixel) for as long as the flow leads back to
     where it came from, away from edges of moving things, and inside the picture.
 
@@ -78,8 +92,9 @@ def track_video(
         A video file (.mp4, .avi, .mov, .mkv), a folder of frames (.png, .jpg, in the
         order of the numbers in their names), or frames as uint8 arrays of shape
         (height, width) or (height, width, 3), blue first.
-    grid_spacing : int, default=8
-        Side of the square cells, pixels.
+    grid_spacing : int, optional
+        Side of the square cells, pixels. By default 8, or less, down to 5, in frames of
+        fewer than 640 x 480 pixels, so that they get as many tracks.
     max_error : float, default=1.0
         A track ends where going forward and back again misses by more pixels than
         this.
@@ -139,7 +154,8 @@ def track_video(
     >>> np.median(whole[:, -2:] - whole[:, :2], axis=0).round()
     array([10.,  5.], dtype=float32)
     """
-    check_number("grid_spacing", grid_spacing, Integral, 2)
+    if grid_spacing is not None:
+        check_number("grid_spacing", grid_spacing, Integral, 2)
     check_number("max_error", max_error, Real, 0)
     check_number("min_length", min_length, Integral, 1)
     check_number("min_texture", min_texture, Real, 0)
@@ -161,7 +177,7 @@ def track_video(
         if previous is not None:
             points, followed = flow.follow(previous, picture, points)
             ids = ids[followed]
-        points, ids = sower.sow(picture, points, ids)
+        points, ids = sower.sow(picture, points, ids, flow.back)
         log.record(ids, (points + 0.5) / scale - 0.5)  # pixels have their centre at 0
         previous = picture
         report(log.n_frames)
@@ -197,19 +213,39 @@ class _Sower:
     """Starts tracks where there are none."""
 
     def __init__(self, spacing, min_texture):
-        self._spacing = spacing
+        self._spacing = spacing  # None until a picture tells it
         self._min_texture = min_texture
         self._n_born = 0
 
-    def sow(self, picture, points, ids):
-        """Add new points, with new ids, to those that live."""
+    def sow(self, picture, points, ids, flow):
+        """Add new points, with new ids, to those that live.
+
+        ``flow`` leads from the picture to that before; None in the first.
+        """
         cv2 = require("cv2", extra="video")
         texture = cv2.cornerMinEigenVal(picture, WINDOW)
         threshold = self._min_texture * texture.mean()
+        if self._spacing is None:
+            side = round(np.sqrt(picture.size / N_CELLS))
+            self._spacing = min(max(side, SMALLEST_SPACING), LARGEST_SPACING)
         born = seed_points(texture, self._spacing, threshold, points)
+        if flow is not None:
+            live = np.concatenate([points, born])
+            more = self._sow_finely(texture, threshold, live, flow)
+            born = np.concatenate([born, more])
         born_ids = self._n_born + np.arange(len(born))
         self._n_born += len(born)
         return np.concatenate([points, born]), np.concatenate([ids, born_ids])
+
+    def _sow_finely(self, texture, threshold, live, flow):
+        """New points where the flow differs from that around."""
+        apart = stands_out(flow, self._spacing)
+        budget = EXTRA_CELLS * apart.size / self._spacing**2
+        side = np.sqrt(apart.sum() / budget)
+        side = max(int(np.ceil(side)), self._spacing // 2, 2)
+        if side >= self._spacing or not apart.any():
+            return np.empty((0, 2))
+        return seed_points(np.where(apart, texture, -np.inf), side, threshold, live)
 
 
 class _PointFlow:
@@ -218,16 +254,18 @@ class _PointFlow:
     def __init__(self, max_error):
         cv2 = require("cv2", extra="video")
         self._max_error = max_error
+        self.back = None  # the flow from the last picture to the one before it
         # The preset "medium" takes four times as long. Once refined, both are as exact.
         self._dense = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
 
     def follow(self, first, second, points):
         """Points in the second picture, and which of those in the first they are."""
         if len(points) == 0:
+            self.back = None
             return points, np.zeros(0, dtype=bool)
         flow = self._dense.calc(first, second, None)
         moved = _refine(first, second, points, points + sample_field(flow, points))
-        back = self._dense.calc(second, first, None)
+        back = self.back = self._dense.calc(second, first, None)
         returned = _refine(second, first, moved, moved + sample_field(back, moved))
         good = np.hypot(*(returned - points).T) <= self._max_error
         good &= is_inside(moved, second.shape)

@@ -27,6 +27,7 @@ from skmotionseg.video._grid import (
     is_inside,
     sample_field,
     seed_points,
+    stands_out,
 )
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
@@ -689,6 +690,38 @@ def test_outside_a_field_its_edge_counts():
     outside = np.array([[-2.0, 1], [7, 1], [3, -1], [3, 9], [-1, -1]])
     edge = field[[1, 1, 0, 3, 0], [0, 4, 3, 3, 0]]
     np.testing.assert_allclose(sample_field(field, outside), edge)
+
+
+def test_what_stands_out_of_a_field():
+    field = np.zeros((80, 120, 2), np.float32)
+    field[..., 0] = np.linspace(0, 9, 120)  # a smooth change does not
+    field[32:48, 56:72] += 3
+    apart = stands_out(field, 4)
+    assert apart.shape == (80, 120) and apart[34:46, 58:70].all()
+    assert not apart[:24].any() and not apart[:, :44].any() and not apart[:, 84:].any()
+    assert not stands_out(field * 0, 4).any()
+
+
+def test_small_things_that_move_get_more_tracks(panned):
+    """Twice as many as there are cells on them, and the scene does not."""
+    frames = []
+    for f, background in enumerate(panned):
+        frame = background.copy()
+        frame[50:74, 40 + 3 * f : 64 + 3 * f] = texture(1)[:24, :24].clip(0, 255)
+        frames.append(frame)
+    points, seen = unpack_tracks(track_video(frames, grid_spacing=8).tracks)
+    x, y = points[seen[:, 6], 6].T
+    on = (np.abs(x - 69.5) < 12) & (np.abs(y - 61.5) < 12)
+    assert on.sum() > 2 * (24 / 8) ** 2
+    assert (~on).sum() < 1.3 * (WIDTH / 8) * (HEIGHT / 8)
+
+
+def test_small_frames_have_smaller_cells(panned):
+    large = [np.kron(frame, np.ones((5, 5), np.uint8)) for frame in panned[:5]]
+    for frames, spacing in ((panned[:5], 5), (large, 8)):
+        tracks = track_video(frames).tracks
+        same = track_video(frames, grid_spacing=spacing).tracks
+        np.testing.assert_array_equal(tracks, same)
 
 
 def test_a_picture_ends_at_the_centres_of_its_last_pixels():
