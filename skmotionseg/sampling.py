@@ -53,7 +53,7 @@ default="homography"
         NaN for a pair in which fewer tracks are seen than the model needs.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
     n_features_in_ : int
-        Two columns a frame.
+        Two columns per frame.
 
     See Also
     --------

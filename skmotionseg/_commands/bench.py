@@ -95,7 +95,7 @@ def _bench_tables(summary, methods):
 
 
 def _error_table(summary, dataset, methods):
-    """One dataset: a row a method, the paper's figures in brackets."""
+    """One dataset: a row per method, the paper's figures in brackets."""
     from .runs import PAPER
 
     first = summary[dataset, methods[0]]
@@ -122,7 +122,7 @@ def _error_table(summary, dataset, methods):
 
 
 def _region_table(summary, part, methods):
-    """One set of sequences that are scored by regions: a row a method."""
+    """One set of sequences that are scored by regions: a row per method."""
     from .region_runs import REGION_PAPER
 
     first = summary[*part, methods[0]]
@@ -156,7 +156,7 @@ def _figure(ours, theirs):
 
 
 def _time_table(summary, datasets, methods):
-    table = _figure_table("mean seconds a sequence, number of motions known")
+    table = _figure_table("mean seconds per sequence, number of motions known")
     table.add_column("dataset")
     for stage in ("hypotheses", "kernel", "clustering", "total"):
         table.add_column(stage, justify="right")

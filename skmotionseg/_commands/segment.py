@@ -47,9 +47,9 @@ def add_segment(commands):
     segment.add_argument(
         "--out",
         type=Path,
-        help="labels: .npz with the tracks, or .csv, for videos a row an observation",
+        help="labels: .npz with the tracks, or .csv, for videos a row per observation",
     )
-    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
+    segment.add_argument("--split-dir", type=Path, help="folder: a file per motion")
     segment.add_argument(
         "--render",
         type=Path,
@@ -195,7 +195,7 @@ def _print_findings(console, arguments, sequence, segmenter):
 
 
 def _motion_table(report):
-    """A row a motion, and one for the tracks of none."""
+    """A row per motion, and one for the tracks of none."""
     table = require("rich.table", extra="cli").Table()
     for title in ("motion", "tracks", "share", "frames", "colour"):
         table.add_column(title, justify="right")
@@ -223,7 +223,7 @@ def _colour(motion):
 
 
 def _count_table(report):
-    """A row a number of motions: its costs, and why it was chosen or not."""
+    """A row per number of motions: its costs, and why it was chosen or not."""
     table = require("rich.table", extra="cli").Table()
     for title in ("motions", *report.term_names, "total"):
         table.add_column(title, justify="right")

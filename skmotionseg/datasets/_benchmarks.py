@@ -10,7 +10,7 @@ from sklearn.utils import Bunch
 
 from ._files import load_tracks
 
-_LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` a sequence.
+_LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` per sequence.
 
     Parameters
     ----------
