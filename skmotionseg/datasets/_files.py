@@ -59,8 +59,8 @@ def load_tracks(
         Hopkins12) or with ``y`` and ``s`` (Hopkins155).
 
         ``.csv``: with a header ``track,frame,x,y`` (and ``label``, if known), one row
-        per observation, frames counted from any number; or without a header, one row per
-        track and two columns per frame, empty where unseen.
+        per observation, frames counted from any number; or without a header, one row
+        per track and two columns per frame, empty where unseen.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional

@@ -196,8 +196,8 @@ class DescriptionLength:
     tracks : ndarray of shape (n_pairs,)
         For the tracks in each frame pair, given the models.
     models : float
-        For the models: one free coordinate of each of the seven tracks that determine one,
-        for the motions that do not follow from others.
+        For the models: one free coordinate of each of the seven tracks that determine
+        one, for the motions that do not follow from others.
     modelled : ndarray of bool, shape (n_pairs,)
         Pairs that see at least eight of the tracks, so that there is a model.
     """

@@ -21,7 +21,8 @@ from .motions import Explanation, fit_motions, inliers, usual
 # graph on which partitions are cut and over-segmented.
 SPARSITIES = (4.0, 8.0)
 # Over-segments that are merged again, unless more motions are looked for. Halved, the
-# error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two numbers of 4.
+# error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two
+# numbers of 4.
 OVERSEGMENTATION = 8
 # Tracks per over-segment, on average, below which they do not tell outliers: half of
 # them determine a fundamental matrix.
