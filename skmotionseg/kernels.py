@@ -82,12 +82,13 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     References
     ----------
-    T.-J. Chin, H. Wang and D. Suter, "The ordered residual kernel for robust motion
-    subspace clustering", NIPS 2009.
-    T. Lai, H. Wang, Y. Yan, T.-J. Chin and W.-L. Zhao, "Motion Segmentation Via a
-    Sparsity Constraint", IEEE T-ITS 18(4), 2017.
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.2.
+    .. [1] T.-J. Chin, H. Wang and D. Suter, "The ordered residual kernel for robust
+       motion subspace clustering", NIPS 2009.
+    .. [2] T. Lai, H. Wang, Y. Yan, T.-J. Chin and W.-L. Zhao, "Motion Segmentation Via
+       a Sparsity Constraint", IEEE T-ITS 18(4), 2017.
+    .. [3] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.2.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------

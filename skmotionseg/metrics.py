@@ -240,9 +240,10 @@ def fbms_scores(
 
     References
     ----------
-    P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term Video
-    Analysis", IEEE TPAMI 36(6), 2014, sec. 6; the program is that of the benchmark's
-    archive ``pami2013_MoSeg_eval``.
+    .. [1] P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term
+       Video Analysis", IEEE TPAMI 36(6), 2014, sec. 6; the program is that of the
+       benchmark's archive ``pami2013_MoSeg_eval``.
+       https://doi.org/10.1109/TPAMI.2013.242
 
     Examples
     --------

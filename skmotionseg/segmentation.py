@@ -204,8 +204,8 @@ estimator, default="description_length"
     References
     ----------
     .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
-       Unknown Number of Models", IEEE TPAMI 43(1), 2021,
-       :doi:`10.1109/TPAMI.2019.2929146`.
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------
