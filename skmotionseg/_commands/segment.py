@@ -40,34 +40,56 @@ def add_segment(commands):
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     segment.add_argument(
-        "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
+        "--motions",
+        type=_motions,
+        default="auto",
+        help="number of motions, or auto (default: auto)",
     )
-    segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
-    segment.add_argument("--jobs", type=int, default=-1, help="at a time (all)")
+    segment.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
+    segment.add_argument(
+        "--jobs",
+        type=int,
+        default=-1,
+        help="parallel jobs; -1 is all processors (default: -1)",
+    )
     segment.add_argument(
         "--out",
         type=Path,
-        help="labels: .npz with the tracks, or .csv, for videos a row per observation",
+        help="write the labels: .npz, with the tracks; or .csv, for videos with "
+        "one row "
+        "per observation",
     )
-    segment.add_argument("--split-dir", type=Path, help="folder: a file per motion")
+    segment.add_argument(
+        "--split-dir", type=Path, help="folder to write one track file per motion to"
+    )
     segment.add_argument(
         "--render",
         type=Path,
-        help="picture of the motions: .png; for videos .mp4, or .png for some frames",
+        help="draw the motions: .png; for videos .mp4, or .png for a sheet of some "
+        "frames",
     )
     segment.add_argument(
         "--report",
         type=Path,
-        help="picture of the motions, the models that explain them and the costs of "
-        "their number: .png, ...",
+        help="draw the motions, the models that explain them and the cost of each "
+        "number of motions: .png, .pdf, .svg or .jpg",
     )
     videos = segment.add_argument_group("videos")
     videos.add_argument(
-        "--grid", type=count, default=8, help="pixels between tracks (8)"
+        "--grid",
+        type=count,
+        default=8,
+        help="distance between tracks in pixels (default: 8)",
     )
-    videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
     videos.add_argument(
-        "--max-side", type=count, help="shrink larger frames to be tracked (never)"
+        "--max-frames", type=count, help="number of frames to read (default: all)"
+    )
+    videos.add_argument(
+        "--max-side",
+        type=count,
+        help="shrink frames with a longer side to so many pixels before tracking "
+        "(default: "
+        "never)",
     )
     segment.set_defaults(run=_segment)
 
