@@ -104,7 +104,7 @@ METHODS = {
 
 
 def make_peers(clips, patterns, repeats):
-    """A row a method whose name matches; all of ours are always there."""
+    """A row per method whose name matches; all of ours are always there."""
     calls, rows = {}, []
     for name, (make, _) in METHODS.items():
         if name.startswith("ours") or any(fnmatch(name, p) for p in patterns):

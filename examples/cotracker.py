@@ -37,7 +37,7 @@ from skmotionseg.datasets import load_tracks, make_rigid_motions
 def main(argv=None):
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("file", type=Path, nargs="?", help="as CoTracker's (a scene)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="a file a motion")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="a file per motion")
     arguments = parser.parse_args(argv)
     with tempfile.TemporaryDirectory() as folder:
         path = arguments.file or write_scene(Path(folder, "cotracker.npz"))

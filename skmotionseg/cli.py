@@ -52,7 +52,8 @@ def _print_warning(message, *where, **file):
 def _parser():
     parser = argparse.ArgumentParser(
         prog="skmotionseg",
-        description="Say which point tracks of a moving camera move together.",
+        description="Motion segmentation: which point tracks of a moving camera move "
+        "together.",
     )
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")

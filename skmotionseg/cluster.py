@@ -104,10 +104,11 @@ default="kernel_addition"
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.3.
-    A. Kumar, P. Rai and H. Daume, "Co-regularized Multi-view Spectral Clustering",
-    NIPS 2011.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.3.
+       https://doi.org/10.1109/TPAMI.2019.2929146
+    .. [2] A. Kumar, P. Rai and H. Daume, "Co-regularized Multi-view Spectral
+       Clustering", NIPS 2011.
 
     Examples
     --------

@@ -38,7 +38,7 @@ def static_mask(
     Raises
     ------
     ValueError
-        If there is not a label a track, no track belongs to a motion, or none is of
+        If there is not one label per track, no track belongs to a motion, or none is of
         ``background``.
 
     Examples
@@ -101,7 +101,7 @@ def save_motions(
     FileNotFoundError
         If there is no folder to make it in.
     ValueError
-        If there is not a label and an id a track, or there are infinities.
+        If there is not a label and an id per track, or there are infinities.
 
     Examples
     --------

@@ -29,7 +29,7 @@ from ._parallel.threads import single_threaded
 from ._utils.residuals import sent_group_size
 from ._utils.validation import read_matrix
 
-# Of residuals that do not say how many hypotheses a frame pair has.
+# Of residuals that do not say how many hypotheses each frame pair has.
 USUAL_HYPOTHESES = 500
 # One exponent of the epsilon-neighbourhood for all data.
 GRAPH_SPARSITY = 6.0
@@ -82,12 +82,13 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     References
     ----------
-    T.-J. Chin, H. Wang and D. Suter, "The ordered residual kernel for robust motion
-    subspace clustering", NIPS 2009.
-    T. Lai, H. Wang, Y. Yan, T.-J. Chin and W.-L. Zhao, "Motion Segmentation Via a
-    Sparsity Constraint", IEEE T-ITS 18(4), 2017.
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.2.
+    .. [1] T.-J. Chin, H. Wang and D. Suter, "The ordered residual kernel for robust
+       motion subspace clustering", NIPS 2009.
+    .. [2] T. Lai, H. Wang, Y. Yan, T.-J. Chin and W.-L. Zhao, "Motion Segmentation Via
+       a Sparsity Constraint", IEEE T-ITS 18(4), 2017.
+    .. [3] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.2.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------

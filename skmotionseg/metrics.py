@@ -54,7 +54,7 @@ def motion_count_accuracy(
 
     Parameters
     ----------
-    y_true, y_pred : list, one entry a sequence
+    y_true, y_pred : list, one entry per sequence
         Label arrays, whose negative labels are no motion, or plain counts.
 
     Returns
@@ -241,9 +241,10 @@ def fbms_scores(
 
     References
     ----------
-    P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term Video
-    Analysis", IEEE TPAMI 36(6), 2014, sec. 6; the program is that of the benchmark's
-    archive ``pami2013_MoSeg_eval``.
+    .. [1] P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term
+       Video Analysis", IEEE TPAMI 36(6), 2014, sec. 6; the program is that of the
+       benchmark's archive ``pami2013_MoSeg_eval``.
+       https://doi.org/10.1109/TPAMI.2013.242
 
     Examples
     --------
@@ -306,7 +307,7 @@ def fbms_mean(scores: Sequence[FBMSScores]) -> FBMSScores:
     Parameters
     ----------
     scores : sequence of FBMSScores
-        As from :func:`fbms_scores`, one a sequence.
+        As from :func:`fbms_scores`, one per sequence.
 
     Returns
     -------
@@ -443,7 +444,7 @@ def _match_regions(y_true, y_pred, sample_weight, region_sizes):
     weight = _as_sizes(sample_weight, "sample_weight", np.ones(len(y_true)))
     if len(weight) != len(y_true):
         raise ValueError(
-            f"sample_weight needs a weight a point; got {len(weight)} for "
+            f"sample_weight needs one weight per point; got {len(weight)} for "
             f"{len(y_true)} points"
         )
     weight = weight[y_true >= 0]
@@ -502,7 +503,7 @@ def _judged(
     y_true, y_pred = _as_labels(y_true, "y_true"), _as_labels(y_pred, "y_pred")
     if len(y_true) != len(y_pred):
         raise ValueError(
-            f"y_true and y_pred need one label a track; got {len(y_true)} and "
+            f"y_true and y_pred need one label per track; got {len(y_true)} and "
             f"{len(y_pred)}"
         )
     judged = y_true >= 0

@@ -267,9 +267,11 @@ class NCREModelSelector(CountSelector):
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 4, eq. 13. The normalised cut is
-    the first line of its eq. 11, ``sum_m cut(A_m) / vol(A_m)``.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, sec. 4, eq. 13. The
+       normalised cut is the first line of its eq. 11, ``sum_m cut(A_m) /
+       vol(A_m)``.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------
@@ -378,8 +380,9 @@ class EigengapModelSelector(CountSelector):
 
     References
     ----------
-    U. von Luxburg, "A Tutorial on Spectral Clustering", Statistics and Computing 17(4),
-    2007, sec. 8.3.
+    .. [1] U. von Luxburg, "A Tutorial on Spectral Clustering", Statistics and Computing
+       17(4), 2007, sec. 8.3.
+       https://doi.org/10.1007/s11222-007-9033-z
 
     Examples
     --------
@@ -464,7 +467,8 @@ class SelfTuningModelSelector(CountSelector):
 
     References
     ----------
-    L. Zelnik-Manor and P. Perona, "Self-Tuning Spectral Clustering", NIPS 2004, sec. 3.
+    .. [1] L. Zelnik-Manor and P. Perona, "Self-Tuning Spectral Clustering", NIPS 2004,
+       sec. 3.
 
     Examples
     --------

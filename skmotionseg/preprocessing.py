@@ -129,15 +129,15 @@ def select_inliers(
         that are never seen together with seven others of their motion, against whom
         nothing speaks.
 
+    Raises
+    ------
+    ValueError
+        If there is not one label per track, or ``whisker`` is negative.
+
     Notes
     -----
     A planar motion leaves its fundamental matrix two freedoms, which a few outliers
     can take: they stay.
-
-    Raises
-    ------
-    ValueError
-        If there is not a label a track, or ``whisker`` is negative.
 
     Examples
     --------

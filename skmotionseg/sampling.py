@@ -53,7 +53,7 @@ default="homography"
         NaN for a pair in which fewer tracks are seen than the model needs.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
     n_features_in_ : int
-        Two columns a frame.
+        Two columns per frame.
 
     See Also
     --------
@@ -61,9 +61,12 @@ default="homography"
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.1.
-    R. Hartley and A. Zisserman, "Multiple View Geometry", 2nd ed., 2004, ch. 4 and 11.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, sec. 3.1.
+       https://doi.org/10.1109/TPAMI.2019.2929146
+    .. [2] R. Hartley and A. Zisserman, "Multiple View Geometry", 2nd ed., 2004, ch. 4
+       and 11.
+       https://doi.org/10.1017/CBO9780511811685
 
     Examples
     --------

@@ -204,8 +204,8 @@ estimator, default="description_length"
     References
     ----------
     .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
-       Unknown Number of Models", IEEE TPAMI 43(1), 2021,
-       :doi:`10.1109/TPAMI.2019.2929146`.
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------
@@ -558,7 +558,7 @@ estimator, default="description_length"
         >>> from skmotionseg.datasets import make_rigid_motions
         >>> X, _ = make_rigid_motions(n_tracks=140, n_frames=8, random_state=0)
         >>> print(MotionSegmenter(max_motions=4, random_state=0).fit(X).report(X))
-        3 motions in 140 tracks, 0 of no motion, 8 frames
+        3 motions in 140 tracks, 0 unassigned, 8 frames
         <BLANKLINE>
         motion  tracks  share  frames  explained by  residual     90 %
         --------------------------------------------------------------
@@ -566,14 +566,14 @@ estimator, default="description_length"
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
              2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
         <BLANKLINE>
-                 normalised      nats an
-        motions         cut  observation    total
-        ---------------------------------------------------------
-              1      0.0...      -4.1...  -4.1...  dearer by ...
-              2      0.0...      -5.6...  -5.6...  dearer by ...
-              3      0.1...      -6.0...  -6.0...  chosen
-              4      0.4...      -5.9...  -5.7...  dearer by ...
-        total = 0.3 x normalised cut + nats an observation
+                 normalised  description length
+        motions         cut     per observation    total
+        ----------------------------------------------------------------------
+              1      0.0...             -4.1...  -4.1...  cost higher by ...
+              2      0.0...             -5.6...  -5.6...  cost higher by ...
+              3      0.1...             -6.0...  -6.0...  chosen
+              4      0.4...             -5.9...  -5.7...  cost higher by ...
+        total = 0.3 x normalised cut + description length per observation
         """
         check_is_fitted(self)
         return make_report(self, *self._read_tracks(X, reset=False))

@@ -108,7 +108,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         Raises
         ------
         ValueError
-            If ``X`` holds no sequence, or ``y`` not a label a track.
+            If ``X`` holds no sequence, or ``y`` not one label per track.
         """
         sequences = self._read_sequences(X, reset=True)
         seed = self.estimator.get_params().get("random_state", 0)
@@ -124,7 +124,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         sequences = [np.asarray(x) for x in X] if _is_listlike(X) else []
         if not sequences:
             raise ValueError(
-                "X must be a list of track arrays, one a sequence; got "
+                "X must be a list of track arrays, one per sequence; got "
                 f"{type(X).__name__}" + (" without any" if _is_listlike(X) else "")
             )
         for i, x in enumerate(sequences):
@@ -140,7 +140,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
     def _read_labels(self, y, sequences):
         """Check labels against sequences and list them as arrays."""
         if y is None:
-            raise ValueError("true labels are needed: a label array a sequence")
+            raise ValueError("true labels are needed: a label array per sequence")
         labels = [np.asarray(labels) for labels in y]
         if len(labels) != len(sequences):
             raise ValueError(

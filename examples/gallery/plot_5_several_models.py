@@ -5,7 +5,7 @@ Several motion models, and doing without one
 A homography explains a plane or a turning camera, a fundamental matrix whatever is
 rigid, but also more than it should; an affine map is simplest and steadiest. Which of
 them suits a scene is not known beforehand, so their affinities are joined.
-:func:`~skmotionseg.make_motion_pipeline` gives every model a branch of a plain
+:func:`~skmotionseg.make_motion_pipeline` gives every model a view in a plain
 :class:`~sklearn.pipeline.Pipeline`, and ``"drop"`` takes one out.
 """
 

@@ -19,33 +19,50 @@ def add_bench(commands):
         help="measure errors and times on real sequences",
         description="Run methods on every sequence under DIR/<dataset>/ and print "
         "tables laid out as the paper's, with its figures beside ours. With --resume "
-        "FILE, what was interrupted goes on: the same command again does what is not "
+        "FILE, an interrupted run continues: the same command again runs what is not "
         "in the file yet.",
     )
     bench.add_argument("--data", type=Path, required=True, metavar="DIR")
     bench.add_argument(
-        "--datasets", nargs="+", choices=list(LOADERS), help="those found in DIR"
+        "--datasets",
+        nargs="+",
+        choices=list(LOADERS),
+        help="data sets to run (default: all that are found in DIR)",
     )
     bench.add_argument(
         "--methods",
         nargs="+",
         choices=list(METHODS),
         default=list(METHODS),
-        help="(all): the paper's, which choose the number of motions by NCRE; eigengap "
-        "and self_tuning, other choices, by all models or, as the paper compares them, "
-        "by homographies; and ours, which is called default",
+        help="methods to run (default: all): those of the paper, which choose the "
+        "number "
+        "of motions by NCRE; eigengap and self_tuning, which choose it by other rules, "
+        "with all models or, as in the paper's comparison, with homographies; and "
+        "'default', the default of MotionSegmenter",
     )
-    bench.add_argument("--seeds", type=count, default=3, help="runs of each (3)")
-    bench.add_argument("--json", type=Path, metavar="FILE", help="every record")
+    bench.add_argument(
+        "--seeds",
+        type=count,
+        default=3,
+        help="random seeds per method and sequence (default: 3)",
+    )
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write all records")
     bench.add_argument(
         "--resume",
         type=Path,
         metavar="FILE",
-        help="journal, made if there is none: each run is added as it ends, and those "
-        "in it, of the same tracks, method, parameters, seed and code of this package, "
-        "are not done again",
+        help="checkpoint file, made if there is none: each run is added when it "
+        "ends, and "
+        "runs that are in it already, with the same tracks, method, parameters, "
+        "seed and "
+        "code of this package, are not repeated",
     )
-    bench.add_argument("--jobs", type=int, default=-1, help="sequences at a time (all)")
+    bench.add_argument(
+        "--jobs",
+        type=int,
+        default=-1,
+        help="sequences to run in parallel; -1 is all processors (default: -1)",
+    )
     bench.set_defaults(run=_run_bench)
 
 
@@ -107,7 +124,7 @@ def _bench_tables(summary, methods):
 
 
 def _error_table(summary, dataset, methods):
-    """One dataset: a row a method, the paper's figures in brackets."""
+    """One dataset: a row per method, the paper's figures in brackets."""
     from .runs import PAPER
 
     first = summary[dataset, methods[0]]
@@ -134,7 +151,7 @@ def _error_table(summary, dataset, methods):
 
 
 def _region_table(summary, part, methods):
-    """One set of sequences that are scored by regions: a row a method."""
+    """One set of sequences that are scored by regions: a row per method."""
     from .region_runs import REGION_PAPER
 
     first = summary[*part, methods[0]]
@@ -198,7 +215,7 @@ def _figure(ours, theirs):
 
 
 def _time_table(summary, datasets, methods):
-    table = _figure_table("mean seconds a sequence, number of motions known")
+    table = _figure_table("mean seconds per sequence, number of motions known")
     table.add_column("dataset")
     for stage in ("hypotheses", "kernel", "clustering", "total"):
         table.add_column(stage, justify="right")

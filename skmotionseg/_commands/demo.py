@@ -26,9 +26,17 @@ def add_demo(commands):
         "and draw what was found beside the truth.",
     )
     demo.add_argument(
-        "--out", type=Path, default=Path("demo.png"), help="picture (demo.png)"
+        "--out",
+        type=Path,
+        default=Path("demo.png"),
+        help="picture to write (default: demo.png)",
     )
-    demo.add_argument("--seed", type=int, default=0, help="scene and method (0)")
+    demo.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        help="random seed of scene and method (default: 0)",
+    )
     demo.set_defaults(run=_demo)
 
 

@@ -97,7 +97,7 @@ def run(sequences, methods, seeds, n_jobs, journal=None):
     Yields
     ------
     list of dict
-        A record a method.
+        A record per method.
     """
     known = {} if journal is None else journal.read()
     waiting = []

@@ -41,39 +41,60 @@ def add_segment(commands):
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     segment.add_argument(
-        "--motions", type=_motions, default="auto", help="their number, or auto (auto)"
+        "--motions",
+        type=_motions,
+        default="auto",
+        help="number of motions, or auto (default: auto)",
     )
-    segment.add_argument("--seed", type=int, default=0, help="of the method (0)")
-    segment.add_argument("--jobs", type=int, default=-1, help="at a time (all)")
+    segment.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
+    segment.add_argument(
+        "--jobs",
+        type=int,
+        default=-1,
+        help="parallel jobs; -1 is all processors (default: -1)",
+    )
     segment.add_argument(
         "--out",
         type=Path,
-        help="labels: .npz with the tracks, or .csv, for videos a row an observation",
+        help="write the labels: .npz, with the tracks; or .csv, for videos with "
+        "one row "
+        "per observation",
     )
-    segment.add_argument("--split-dir", type=Path, help="folder: a file a motion")
+    segment.add_argument(
+        "--split-dir", type=Path, help="folder to write one track file per motion to"
+    )
     segment.add_argument(
         "--render",
         type=Path,
-        help="picture of the motions: .png; for videos .mp4, or .png for some frames",
+        help="draw the motions: .png; for videos .mp4, or .png for a sheet of some "
+        "frames",
     )
     segment.add_argument(
         "--report",
         type=Path,
-        help="picture of the motions, the models that explain them and the costs of "
-        "their number: .png, ...",
+        help="draw the motions, the models that explain them and the cost of each "
+        "number of motions: .png, .pdf, .svg or .jpg",
     )
     videos = segment.add_argument_group("videos")
     videos.add_argument(
         "--grid",
         type=count,
-        help="pixels between tracks (8; 5 to 7 in small frames)",
-    )
-    videos.add_argument("--max-frames", type=count, help="stop after so many (all)")
-    videos.add_argument(
-        "--stride", type=count, default=1, help="take every so many frames (1)"
+        help="distance between tracks in pixels (default: 8; 5 to 7 in small frames)",
     )
     videos.add_argument(
-        "--max-side", type=count, help="shrink larger frames to be tracked (never)"
+        "--stride",
+        type=count,
+        default=1,
+        help="read every so many frames (default: 1)",
+    )
+    videos.add_argument(
+        "--max-frames", type=count, help="number of frames to read (default: all)"
+    )
+    videos.add_argument(
+        "--max-side",
+        type=count,
+        help="shrink frames with a longer side to so many pixels before tracking "
+        "(default: never)",
     )
     add_mask_options(videos)
     segment.set_defaults(run=_segment)
@@ -209,7 +230,7 @@ def _print_findings(console, arguments, sequence, segmenter):
 
 
 def _motion_table(report):
-    """A row a motion, and one for the tracks of none."""
+    """A row per motion, and one for the tracks of none."""
     table = require("rich.table", extra="cli").Table()
     for title in ("motion", "tracks", "share", "frames", "colour"):
         table.add_column(title, justify="right")
@@ -237,7 +258,7 @@ def _colour(motion):
 
 
 def _count_table(report):
-    """A row a number of motions: its costs, and why it was chosen or not."""
+    """A row per number of motions: its costs, and why it was chosen or not."""
     table = require("rich.table", extra="cli").Table()
     for title in ("motions", *report.term_names, "total"):
         table.add_column(title, justify="right")

@@ -59,7 +59,7 @@ _one_blas_thread = _SharedLimit()
 def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
     """Run a function with all native thread pools at one thread.
 
-    The many small factorisations run faster so, parallel branches do not fight over
+    The many small factorisations run faster so, parallel views do not fight over
     cores, and no sum depends on how many threads shared it. Parallelism comes from
     joblib, above.
     """

@@ -1,4 +1,4 @@
-"""Residual matrices that say how many columns a frame pair has."""
+"""Residual matrices that say how many columns each frame pair has."""
 
 from __future__ import annotations
 

@@ -48,7 +48,7 @@ class TracksInput:
         )
         if X.shape[1] % 2 or X.shape[1] < 4:
             raise ValueError(
-                "tracks need two columns a frame and at least two frames; "
+                "tracks need two columns per frame and at least two frames; "
                 f"got {X.shape[1]} columns"
             )
         return unpack_tracks(X)
@@ -183,11 +183,11 @@ def check_n_groups(name, count, graph):
 
 
 def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    """Labels as an array of integers, if there is one a track."""
+    """Labels as an array of integers, if there is one per track."""
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(
-            f"{n_tracks} tracks need a label each; got shape {labels.shape}"
+            f"{n_tracks} tracks need one label each; got shape {labels.shape}"
         )
     if not labels.size:
         return labels.astype(int)  # an empty list has no integers

@@ -10,7 +10,7 @@ from sklearn.utils import Bunch
 
 from ._files import load_tracks
 
-_LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` a sequence.
+_LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` per sequence.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ _LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` a sequence.
 
     References
     ----------
-    {reference}
+    .. [1] {reference}
 
     Examples
     --------
@@ -70,7 +70,7 @@ load_kt3dmoseg = _loader(
     "_Tracks",
     "``NAME_Tracks.mat``",
     'X. Xu, L.-F. Cheong and Z. Li, "Motion Segmentation by Exploiting Complementary\n'
-    '    Geometric Models", CVPR 2018.',
+    '       Geometric Models", CVPR 2018.',
 )
 load_mtpv62 = _loader(
     "load_mtpv62",
@@ -79,7 +79,7 @@ load_mtpv62 = _loader(
     "_Tracks",
     "``NAME_Tracks.mat``",
     'Z. Li, J. Guo, L.-F. Cheong and S. Z. Zhou, "Perspective Motion Segmentation via\n'
-    '    Collaborative Clustering", ICCV 2013.',
+    '       Collaborative Clustering", ICCV 2013.',
 )
 load_hopkins12 = _loader(
     "load_hopkins12",
@@ -88,7 +88,7 @@ load_hopkins12 = _loader(
     "_Tracks",
     "``NAME_Tracks.mat``",
     'S. Rao, R. Tron, R. Vidal and Y. Ma, "Motion Segmentation in the Presence of\n'
-    '    Outlying, Incomplete, or Corrupted Trajectories", IEEE TPAMI 32(10), 2010.',
+    '       Outlying, Incomplete, or Corrupted Trajectories", IEEE TPAMI 32(10), 2010.',
 )
 load_hopkins155 = _loader(
     "load_hopkins155",
@@ -97,5 +97,6 @@ load_hopkins155 = _loader(
     "_truth",
     "``NAME/NAME_truth.mat``",
     'R. Tron and R. Vidal, "A Benchmark for the Comparison of 3-D Motion Segmentation\n'
-    '    Algorithms", CVPR 2007.',
+    '       Algorithms", CVPR 2007.\n'
+    "       https://doi.org/10.1109/CVPR.2007.382974",
 )

@@ -59,8 +59,8 @@ def load_tracks(
         Hopkins12) or with ``y`` and ``s`` (Hopkins155).
 
         ``.csv``: with a header ``track,frame,x,y`` (and ``label``, if known), one row
-        an observation, frames counted from any number; or without a header, one row a
-        track and two columns a frame, empty where unseen.
+        per observation, frames counted from any number; or without a header, one row
+        per track and two columns per frame, empty where unseen.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
@@ -227,7 +227,7 @@ def _read_csv(path):
 
 
 def _read_observations(header, rows, file_size):
-    """Tracks from one row an observation."""
+    """Tracks from one row per observation."""
     if not rows:
         raise ValueError("there are no observations under its header")
     columns = {

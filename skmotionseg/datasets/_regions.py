@@ -85,8 +85,9 @@ def load_fbms59(
 
     References
     ----------
-    P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term Video
-    Analysis", IEEE TPAMI 36(6), 2014.
+    .. [1] P. Ochs, J. Malik and T. Brox, "Segmentation of Moving Objects by Long Term
+       Video Analysis", IEEE TPAMI 36(6), 2014.
+       https://doi.org/10.1109/TPAMI.2013.242
 
     Examples
     --------
@@ -159,9 +160,11 @@ def load_complex_background(
 
     References
     ----------
-    M. Narayana, A. Hanson and E. Learned-Miller, "Coherent Motion Segmentation in
-    Moving Camera Videos Using Optical Flow Orientations", ICCV 2013; P. Bideau and E.
-    Learned-Miller, "A Detailed Rubric for Motion Segmentation", arXiv:1610.10033, 2016.
+    .. [1] M. Narayana, A. Hanson and E. Learned-Miller, "Coherent Motion Segmentation
+       in Moving Camera Videos Using Optical Flow Orientations", ICCV 2013.
+    .. [2] P. Bideau and E. Learned-Miller, "A Detailed Rubric for Motion Segmentation",
+       2016.
+       https://arxiv.org/abs/1610.10033
 
     Examples
     --------

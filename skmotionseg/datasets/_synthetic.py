@@ -176,7 +176,7 @@ def _moving_object(size, shape, steps, rng):
     depth = rng.uniform(6, 14)
     offset = rng.uniform(-0.35, 0.35, size=2) * IMAGE_SIZE / FOCAL_LENGTH
     centre = np.array([*offset, 1.0]) * depth
-    # 15 pixels a frame or more across the image, and some along the line of sight.
+    # 15 pixels per frame or more across the image, and some along the line of sight.
     speed = rng.uniform(0.015, 0.025) * depth
     angle = rng.uniform(0, 2 * np.pi)
     velocity = speed * np.array([np.cos(angle), np.sin(angle), rng.uniform(-1, 1)])
@@ -203,7 +203,7 @@ def _wandering(size, n_frames, rng):
 
 
 def _lifetimes(n_tracks, n_frames, missing, rng):
-    """Visibility (n_tracks, n_frames): one run of frames a track, of two at least."""
+    """Visibility (n_tracks, n_frames): one run of frames per track, of two at least."""
     longest = n_frames - 2
     # The mean of u ** power is 1 / (power + 1): the share lost of what can be lost.
     share = missing * n_frames / max(longest, 1)

@@ -67,9 +67,10 @@ class AffinityDisplay:
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, eq. 9 and the figure of its section on
-    model selection, a to h.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, eq. 9 and the figure of
+       its section on model selection, a to h.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------

@@ -63,9 +63,10 @@ class CountDisplay:
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, the figure of its section on model
-    selection, i.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, the figure of its section
+       on model selection, i.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------
@@ -176,7 +177,7 @@ class CountDisplay:
         counts = np.array([count_motions(p) for p in labellings])
         if not len(counts) or len(set(counts)) < len(counts):
             raise ValueError(
-                "there must be one partition a number of motions; got some of "
+                "there must be one partition per number of motions; got some of "
                 f"{counts.tolist()}"
             )
         delta = NCREModelSelector().delta if delta is None else delta
@@ -201,7 +202,7 @@ class CountDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If there are not three costs a count, ``chosen`` is none of the counts, or
+            If there are not three costs per count, ``chosen`` is none of the counts, or
             ``passed_over`` does not say so of each. Nothing is drawn then.
         """
         counts, costs = np.asarray(self.counts), np.asarray(self.costs, dtype=float)

@@ -56,7 +56,7 @@ def last_step(estimator: BaseEstimator) -> Any:
 def check_labels(
     labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
 ) -> npt.NDArray[np.integer]:
-    """Labels as an array of integers, one a track.
+    """Labels as an array of integers, one per track.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def check_labels(
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(
-            f"{n_tracks} tracks need a label each; got {name} of shape {labels.shape}"
+            f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
         )
     if labels.dtype.kind not in "iu":
         raise ValueError(f"{name} must be integers; got dtype {labels.dtype}")

@@ -41,7 +41,7 @@ class SequenceErrorDisplay:
     Attributes
     ----------
     bars_ : list of matplotlib BarContainer
-        Of each method, a bar a sequence: the mean over seeds, with a line of one
+        Of each method, a bar per sequence: the mean over seeds, with a line of one
         standard deviation to either side if there are several.
     legend_ : matplotlib Legend
         The methods and their means over all sequences.
@@ -142,7 +142,7 @@ class SequenceErrorDisplay:
         Raises
         ------
         ValueError
-            If there is not a label array a sequence, or no sequence.
+            If there is not a label array per sequence, or no sequence.
         """
         require_pyplot()
         _check_lengths(X, y)
@@ -203,7 +203,7 @@ class SequenceErrorDisplay:
         return cls(errors, list(methods), sequence_names).plot(ax=ax)
 
     def plot(self, *, ax: Axes | None = None) -> Self:
-        """Draw a group of bars a sequence, the first on top.
+        """Draw a group of bars per sequence, the first on top.
 
         Parameters
         ----------

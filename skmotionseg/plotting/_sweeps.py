@@ -67,9 +67,10 @@ class FusionWeightDisplay:
 
     References
     ----------
-    X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and Unknown
-    Number of Models", IEEE TPAMI 43(1), 2021, the figure of its results on KT3DMoSeg,
-    b and c.
+    .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, the figure of its results
+       on KT3DMoSeg, b and c.
+       https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples
     --------

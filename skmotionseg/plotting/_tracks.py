@@ -60,7 +60,7 @@ def plot_motions(
     ImportError
         If matplotlib is missing.
     ValueError
-        If there is not a label a track.
+        If there is not one label per track.
 
     Examples
     --------
@@ -269,8 +269,8 @@ class MotionDisplay:
         ImportError
             If matplotlib is missing.
         TypeError, ValueError
-            If ``X`` are no tracks, there is not a label a track, or no such frame, or
-            the image is none. Nothing is drawn then.
+            If ``X`` are no tracks, there is not one label per track, or no such frame,
+            or the image is none. Nothing is drawn then.
         """
         points, visibility, labels, frame, image = self._read()
         collections = require("matplotlib.collections", extra="plot")

@@ -270,7 +270,7 @@ def test_visibility_the_other_way_round_is_an_error(layout):
 
 
 def test_an_odd_number_of_columns_is_an_error():
-    with pytest.raises(ValueError, match="two columns a frame; got 41 columns"):
+    with pytest.raises(ValueError, match="two columns per frame; got 41 columns"):
         unpack_tracks(np.zeros((3, 41)))
 
 

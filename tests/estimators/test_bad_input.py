@@ -59,7 +59,7 @@ def case(name, call, words, error=ValueError):
 # ------------------------------------------------------------------------- tracks
 
 BAD_TRACKS = {
-    "odd width": (X[:, :7], ValueError, "two columns a frame .* got 7 columns"),
+    "odd width": (X[:, :7], ValueError, "two columns per frame .* got 7 columns"),
     "one frame": (X[:, :2], ValueError, "at least two frames; got 2 columns"),
     "too few tracks": (X[:2], ValueError, "needs 3 tracks .* best frame pair has 2"),
     "no tracks": (X[:0], ValueError, "0 sample"),
@@ -441,17 +441,17 @@ FUNCTIONS = [
     case(
         "unpack_tracks, odd width",
         lambda: unpack_tracks(X[:, :7]),
-        "two columns a frame; got 7 columns",
+        "two columns per frame; got 7 columns",
     ),
     case(
         "unpack_tracks, three axes",
         lambda: unpack_tracks(POINTS),
-        "two columns a frame; got an array of 3 axes",
+        "two columns per frame; got an array of 3 axes",
     ),
     case(
         "misclassification_error, lengths",
         lambda: misclassification_error([0, 1, 1], [0, 1]),
-        "one label a track; got 3 and 2",
+        "one label per track; got 3 and 2",
     ),
     case(
         "misclassification_error, nothing to judge",
@@ -496,7 +496,7 @@ FUNCTIONS = [
     case(
         "fbms_scores, lengths",
         lambda: fbms_scores([0, 1, 1], [0, 1]),
-        "one label a track; got 3 and 2",
+        "one label per track; got 3 and 2",
     ),
     case(
         "fbms_scores, nothing annotated",
@@ -526,12 +526,12 @@ FUNCTIONS = [
     case(
         "PerSequence, no sequences",
         lambda: PerSequence(MotionSegmenter()).fit([]),
-        "list of track arrays, one a sequence; got list without any",
+        "list of track arrays, one per sequence; got list without any",
     ),
     case(
         "PerSequence, no list",
         lambda: PerSequence(MotionSegmenter()).fit(None),
-        "list of track arrays, one a sequence; got NoneType",
+        "list of track arrays, one per sequence; got NoneType",
     ),
     case(
         "PerSequence, sparse",
@@ -554,7 +554,7 @@ FUNCTIONS = [
         lambda: (
             PerSequence(MotionSegmenter(2, n_hypotheses=10)).fit([X]).score([X], None)
         ),
-        "true labels are needed: a label array a sequence",
+        "true labels are needed: a label array per sequence",
     ),
     case(
         "PerSequence, no estimator",

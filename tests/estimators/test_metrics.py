@@ -225,7 +225,7 @@ def test_the_mean_f_measure_is_that_of_mean_precision_and_recall():
 @pytest.mark.parametrize(
     "true, given, words",
     [
-        ([0, 1], {"sample_weight": [1]}, "a weight a point; got 1 for 2 points"),
+        ([0, 1], {"sample_weight": [1]}, "one weight per point; got 1 for 2 points"),
         ([0, 1], {"sample_weight": [1, -1]}, "sample_weight must be .* 0 or more"),
         ([0, 1], {"sample_weight": [0, 0]}, "no region is visible"),
         ([0, 1], {"region_sizes": [4]}, "each region; got 1 for region 1"),

@@ -184,7 +184,7 @@ def kernels(draw):
 
 
 def of_its_groups(case):
-    """Most kernels know how many hypotheses a pair has."""
+    """Most kernels know how many hypotheses each pair has."""
     kernel, recipe = case
     if recipe.seed % 16:
         kernel.set_params(n_hypotheses=recipe.n_hypotheses)

@@ -150,7 +150,7 @@ def interrupt_command(target, arguments, scratch, out, places):
 def make_places(folder):
     """Files to work on."""
     import cv2
-    from test_datasets import write_struct
+    from track_files import write_struct
 
     np.savez(folder / "tracks.npz", X=X, labels=Y)
     home = folder / "data" / "KT3DMoSeg"

@@ -1,4 +1,4 @@
-"""Masks of the static scene, and a file a motion."""
+"""Masks of the static scene, and a file per motion."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_background_can_be_told(scene, background):
 @pytest.mark.parametrize(
     "labels, background, words",
     [
-        ([0], None, r"2 tracks need a label each; got shape \(1,\)"),
+        ([0], None, r"2 tracks need one label each; got shape \(1,\)"),
         ([0.0, 1.0], None, "labels must be whole numbers; got dtype float64"),
         ([-1, -1], None, "none of the tracks belongs to a motion"),
         ([0, 1], 2, r"background must be .*; got 2, where there are \[0, 1\]"),
@@ -110,7 +110,7 @@ def test_bad_motions_come_before_any_file(scene, tmp_path):
     X, y = scene
     folder = tmp_path / "motions"
     for bad, words in (
-        ((X, y[:-1]), "60 tracks need a label each"),
+        ((X, y[:-1]), "60 tracks need one label each"),
         ((np.full_like(X, np.inf), y), "must be finite"),
     ):
         with pytest.raises(ValueError, match=words):

@@ -649,7 +649,7 @@ def case(name, call, words, error=ValueError):
         case(
             "motions, lengths",
             lambda: MotionDisplay.from_predictions(X0, Y0[:-1]),
-            r"20 tracks need a label each; got labels of shape \(19,\)",
+            r"20 tracks need one label each; got labels of shape \(19,\)",
         ),
         case(
             "motions, halves",
@@ -697,7 +697,7 @@ def case(name, call, words, error=ValueError):
         case(
             "affinities, partition",
             lambda: AffinityDisplay.from_predictions([K], [Y[:-1]]),
-            r"7 tracks need a label each; got a partition of shape \(6,\)",
+            r"7 tracks need one label each; got a partition of shape \(6,\)",
         ),
         case(
             "affinities, nothing to sort by",
@@ -779,7 +779,7 @@ def case(name, call, words, error=ValueError):
         case(
             "counts, twice",
             lambda: CountDisplay.from_predictions(STACKED, [Y, 1 - Y]),
-            r"one partition a number of motions; got some of \[2, 2\]",
+            r"one partition per number of motions; got some of \[2, 2\]",
         ),
         case(
             "counts, passed over",
@@ -794,7 +794,7 @@ def case(name, call, words, error=ValueError):
         case(
             "report, labels",
             lambda: ReportDisplay(DISPLAYS["ReportDisplay"].report, X0, Y0[1:]).plot(),
-            r"20 tracks need a label each; got labels of shape \(19,\)",
+            r"20 tracks need one label each; got labels of shape \(19,\)",
         ),
         case(
             "report, none",

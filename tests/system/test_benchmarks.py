@@ -229,7 +229,7 @@ def test_values_are_scaled_in_kind():
 def _settings():
     """As it is; no motion is worth its while; other lengths."""
     gain = sensitivity.Constant("_core.partition.cost", "GAIN_OF_CUT")
-    levels = sensitivity.Constant("_core.geometry", "NOISE_LEVELS")
+    levels = sensitivity.Constant("_core.geometry.description_length", "NOISE_LEVELS")
     return [
         sensitivity.AS_IT_IS,
         sensitivity.Setting("no gain is enough", gain, 1e9),
@@ -259,7 +259,7 @@ def test_a_fit_is_known_only_if_nothing_has_changed(clips):
     clip = description_length.clip_geometry(*unpack_tracks(clips[0].data))
     x, y, seen = clip.of_group(np.arange(40))
     fit = epipolar.robust_fits
-    scale = sensitivity.Constant("_core.epipolar", "ROBUST_SCALE")
+    scale = sensitivity.Constant("_core.geometry.epipolar", "ROBUST_SCALE")
     doubled = sensitivity.Setting("", scale, 2 * scale.value)
     arguments = [
         (x, y, seen),

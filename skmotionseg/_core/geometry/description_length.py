@@ -1,4 +1,4 @@
-"""How well one epipolar geometry a frame pair explains a group of tracks.
+"""How well one epipolar geometry per frame pair explains a group of tracks.
 
 The measure is a description length in nats: what it takes to write down where the
 tracks of a group went, given where they were. A track that obeys the group's
@@ -36,7 +36,7 @@ class WorkingFrames:
     centres : ndarray of shape (n_frames, 2)
         Pixels; the origin in each frame.
     scale : float
-        Pixels a working unit.
+        Pixels per working unit.
     """
 
     pairs: np.ndarray
@@ -78,7 +78,7 @@ class ClipGeometry:
         Where tracks are in the first and second frame, in coordinates centred in each
         frame and scaled alike in all.
     log_range : ndarray of shape (n_pairs,)
-        Log of the range of displacements, an axis: what a free coordinate costs, but
+        Log of the range of displacements per axis: what a free coordinate costs, but
         for the noise.
     model_share : float
         Motions from frame to frame over frame pairs, at most 1: the motion between
@@ -196,8 +196,8 @@ class DescriptionLength:
     tracks : ndarray of shape (n_pairs,)
         For the tracks in each frame pair, given the models.
     models : float
-        For the models: a free coordinate more of the seven tracks that determine one,
-        for the motions that do not follow from others.
+        For the models: one free coordinate of each of the seven tracks that determine
+        one, for the motions that do not follow from others.
     modelled : ndarray of bool, shape (n_pairs,)
         Pairs that see at least eight of the tracks, so that there is a model.
     """
@@ -212,7 +212,7 @@ class DescriptionLength:
 
 
 def description_length(geometry, members, lower_rank=nearest_rank_two):
-    """Nats to describe a group of tracks by one fundamental matrix a frame pair.
+    """Nats to describe a group of tracks by one fundamental matrix per frame pair.
 
     At the noise level that makes the whole least. In a pair that sees fewer than eight
     of the tracks there is no model, and each costs its place in the plane.
@@ -235,7 +235,7 @@ def description_length(geometry, members, lower_rank=nearest_rank_two):
 
 
 def shortest_length(geometry, residuals, seen, n_constraints, n_parameters):
-    """Nats to describe tracks by one model a frame pair, given their distances from it.
+    """Nats to describe tracks by a model per frame pair, given their distances from it.
 
     At the noise level that makes the whole least. In a pair that sees fewer than eight
     of the tracks none is expected to obey a model.

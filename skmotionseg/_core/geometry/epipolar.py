@@ -177,7 +177,7 @@ def mean_sampson_errors(points, visibility):
 
 
 def normalize_pairs(x, y, seen):
-    """Homogeneous points of each pair about their centroids, one scale a pair.
+    """Homogeneous points of each pair about their centroids, one scale per pair.
 
     Parameters
     ----------

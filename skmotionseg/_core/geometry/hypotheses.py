@@ -63,7 +63,7 @@ def draw_hypotheses(points, visibility, pairs, model, n_hypotheses, random_state
     pairs : ndarray of int, shape (n_pairs, 2)
     model : MotionModel
     n_hypotheses : int
-        Models a pair.
+        Models per pair.
     random_state : numpy.random.RandomState
 
     Returns

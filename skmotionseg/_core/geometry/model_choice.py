@@ -23,7 +23,7 @@ from .epipolar import (
 )
 from .motion_models import MOTION_MODELS
 
-# Of two models that describe a group alike the first is taken: name, constraints a
+# Of two models that describe a group alike the first is taken: name, constraints per
 # track, parameters.
 EXPLAINING_MODELS = (("affine", 2, 6), ("homography", 2, 8), ("fundamental", 1, 7))
 # Where tracks move by little more than their noise, a free coordinate would cost no

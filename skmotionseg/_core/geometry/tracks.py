@@ -27,7 +27,7 @@ def pack_tracks(
     layout: str | None = None,
     visible_above: float | None = None,
 ) -> npt.NDArray[np.floating]:
-    """Put point tracks into the two-columns-a-frame matrix the estimators take.
+    """Put point tracks into the two-columns-per-frame matrix the estimators take.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def unpack_tracks(
     X = _as_numbers(X, "tracks")
     if X.ndim != 2 or X.shape[1] % 2:
         raise ValueError(
-            "tracks need two columns a frame; got "
+            "tracks need two columns per frame; got "
             + (f"{X.shape[1]} columns" if X.ndim == 2 else f"an array of {X.ndim} axes")
         )
     if np.isinf(X).any():

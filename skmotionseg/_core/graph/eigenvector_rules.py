@@ -163,7 +163,7 @@ def _descend(rows):
     cost, step = row_cost(rows), 1.0
     for _ in range(MAX_STEPS):
         slope = angle_gradient(rows)
-        fall = np.sum(slope**2) / 2  # of the cost, a unit of step
+        fall = np.sum(slope**2) / 2  # of the cost, per unit of step
         while step * fall > LEAST_DESCENT:
             turn = scipy.linalg.expm(-step * slope)
             turned = rows @ turn

@@ -56,7 +56,7 @@ def kernel_addition(graph, n_clusters, *, lam=None, gamma=None, max_iter=0, tol=
 
 
 def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
-    """An embedding a view, drawn towards those of the other views.
+    """An embedding per view, drawn towards those of the other views.
 
     Xu, Cheong and Li (2021), eq. 3, after Kumar, Rai and Daume (2011): each view in
     turn takes the first eigenvectors of ``L_v - lam sum_{w != v} U_w U_w^T``. That
@@ -94,7 +94,7 @@ def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
 
 
 def subset_constraint(graph, n_clusters, *, lam=None, gamma, max_iter, tol):
-    """An embedding a view, under "what a simpler model joins, a richer one joins".
+    """An embedding per view, under "what a simpler model joins, a richer one joins".
 
     Xu, Cheong and Li (2021), eq. 5 and algorithm 1. Views are in the order affine,
     homography, fundamental: a view inherits the positive entries of ``U U^T`` from the

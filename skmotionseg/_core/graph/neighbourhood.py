@@ -3,7 +3,7 @@
 Lai, Wang, Zhang, Yan and Suter (2017), "Motion segmentation via a sparsity
 constraint". In row i, with ``s_j = max^alpha - a_ij^alpha`` and ``p_j = s_j / sum s``,
 entry j stays where ``log p_j < sum_k p_k log p_k``. That is the same as
-``a_ij > t_i`` for a threshold a row, so a row that was not there in ``fit`` is
+``a_ij > t_i`` for a threshold per row, so a row that was not there in ``fit`` is
 treated like one that was.
 """
 

@@ -40,7 +40,7 @@ class Preferences:
             For each pair, the tracks seen in it, (n_seen,), and their residuals to its
             hypotheses, (n_seen, n_hypotheses).
         n_top : int
-            Hypotheses marked a track and pair; of equal residuals, the first.
+            Hypotheses marked per track and pair; of equal residuals, the first.
         """
         rows, marks = [], []
         for seen, residuals in blocks:

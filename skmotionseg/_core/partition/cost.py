@@ -1,7 +1,7 @@
-"""What a partition of the tracks costs, in nats an observation.
+"""What a partition of the tracks costs, in nats per observation.
 
 Geometry and graph judge together. Geometry says what it takes to write down where the
-tracks went, a fundamental matrix a motion and frame pair; the graph says how many
+tracks went, a fundamental matrix per motion and frame pair; the graph says how many
 preferences for the same hypotheses are cut.
 """
 
@@ -16,20 +16,20 @@ from ..geometry.epipolar import cheapest_rank_two, nearest_rank_two
 from ..graph.cuts import cuts_between, normalized_cut
 from ..labels import groups_of
 
-# What a normalised cut of 1 is worth, in nats an observation. Halved, the error with
+# What a normalised cut of 1 is worth, in nats per observation. Halved, the error with
 # the number of motions known rises on KT3DMoSeg from 3.1 to 3.9 %; doubled, the number
 # is right in 55 % of its clips, not 73 (``python -m benchmarks.sensitivity``).
 CUT_WEIGHT = 0.3
 # The terms of a cost, and their weights in the total.
 COST_NAMES = ("normalised cut", "description length per observation")
 COST_WEIGHTS = (CUT_WEIGHT, 1.0)
-# Two motions must save so many times the cut between them, in nats an observation of
-# the smaller, against being one: a large group that is torn in two saves little a
+# Two motions must save so many times the cut between them, in nats per observation of
+# the smaller, against being one: a large group that is torn in two saves little per
 # track, a small thing that moves by itself saves much. It pulls both ways: halved, the
 # number is right in one of the four Hopkins12 sequences, and doubled in 55 % of the
 # KT3DMoSeg clips; 9 to 11 differ by a sequence each.
 GAIN_OF_CUT = 10.0
-# The same where tracks were drawn evenly from pieces of the video: a small thing has
+# The same where tracks are stratified by over-segments of the video: a small thing has
 # more of them than its neighbourhood then, and more of its links are cut. From two
 # videos, and scenes of one motion, which stay one.
 GAIN_OF_CUT_DRAWN = 3.0
@@ -84,7 +84,7 @@ class GroupLengths:
 
 
 class Cost(NamedTuple):
-    """Normalised cut (summed over views), nats an observation, and their total."""
+    """Normalised cut (summed over views), nats per observation, and their total."""
 
     cut: float
     length: float
@@ -105,7 +105,7 @@ class Judge:
     views : ndarray of shape (n_views, n, n)
         Sparse affinities, on which partitions are cut.
     stratified : bool, default=False
-        Whether the tracks are as many from each piece of the video.
+        Whether the tracks are as many from each over-segment of the video.
     """
 
     def __init__(self, geometry, views, stratified=False):

@@ -1,4 +1,4 @@
-"""Partitions that are near another, and the way down from one to a cheaper."""
+"""Local search: partitions near another, and the way down to one of lower cost."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The motions of a partition, and the tracks that they explain.
+"""The motions of a partition, and their inliers.
 
 A motion is fitted to those of its tracks that it explains best, so that it stays what
-it is when nearly half of the tracks that were given to it are rubbish.
+it is when nearly half of the tracks that were given to it are outliers.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from ..labels import groups_of
 
 # Rounds in which the half of the tracks that is explained best is fitted again
 # (Rousseeuw and Van Driessen 2006, concentration steps). From half of a group of which
-# two fifths are rubbish, three reach the rest. A last fit is to all that is explained.
+# two fifths are outliers, three reach the rest. A last fit is to all inliers.
 CONCENTRATIONS = 3
-# A track is explained up to so many standard deviations of a motion's noise, which is
+# Inliers are within so many standard deviations of a motion's noise, which is
 # taken to be a fifth of a pixel (in 640 x 480) at least: on precise tracks, what is
 # left is not noise but what a model leaves out. Halved, it costs KT3DMoSeg a point of
 # error with the number of motions known; doubled, a clip its number.
@@ -54,7 +54,7 @@ class Motions:
 
     @property
     def inlier_thresholds(self):
-        """Distances, (M,) in working units, up to which a track is explained."""
+        """Distances, (M,) in working units, of the farthest inliers."""
         return inlier_threshold(self.noise)
 
     def distances(self, points, visibility):
@@ -127,7 +127,7 @@ def _fit_motion(geometry, members, affinity):
 
 
 def inlier_threshold(noise):
-    """Distances up to which a motion of that noise explains tracks; working units."""
+    """Distances of the farthest inliers of motions of that noise; working units."""
     return INLIER_THRESHOLD * np.maximum(noise, ROBUST_SCALE)
 
 
@@ -144,8 +144,8 @@ def sampson_distances(F, x, y):
 def usual(noise, labels):
     """Which motions are no noisier than motions of these tracks usually are.
 
-    A group of rubbish has a fundamental matrix, too, but far from its tracks. As long
-    as rubbish is not the rule, it is much farther than that of the median track.
+    A group of outliers has a fundamental matrix, too, but far from its tracks. As long
+    as outliers are not the rule, it is much farther than that of the median track.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def usual(noise, labels):
 
 
 def inliers(motions, distances):
-    """Which tracks each motion explains.
+    """Which tracks are inliers of each motion.
 
     Parameters
     ----------
@@ -180,23 +180,23 @@ def inliers(motions, distances):
 
 @dataclass(frozen=True)
 class Explanation:
-    """The motions that were found, and pieces of what was not.
+    """The motions that were found, and over-segments of what was not.
 
     Attributes
     ----------
     motions : Motions
     spare : Motions
-        Of pieces most of whose tracks no motion explains. They are no rubbish, for they
-        have a motion in common; but it was not worth its number.
+        Of over-segments most of whose tracks are inliers of no motion. They are no
+        outliers, for they have a motion in common; but it was not worth its number.
     """
 
     motions: Motions
     spare: Motions
 
     def reject(self, points, visibility, labels):
-        """Labels with -1 for the tracks that nothing explains.
+        """Labels with -1 for the tracks that are inliers of nothing.
 
-        A track that its own motion does not explain, but another, stays what it is: a
+        A track that is no inlier of its own motion, but of another, stays what it is: a
         fundamental matrix leaves a line free, and neighbours had a say.
 
         Parameters

@@ -20,10 +20,11 @@ from .motions import Explanation, fit_motions, inliers, usual
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
 SPARSITIES = (4.0, 8.0)
-# Groups that are merged again, unless more motions are looked for. Halved, the error
-# with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two numbers of 4.
+# Over-segments that are merged again, unless more motions are looked for. Halved, the
+# error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two
+# numbers of 4.
 OVERSEGMENTATION = 8
-# Tracks a piece, on average, below which segments do not tell what is rubbish: half of
+# Tracks per over-segment, on average, below which they do not tell outliers: half of
 # them determine a fundamental matrix.
 TRACKS_PER_SEGMENT = 16
 
@@ -37,7 +38,7 @@ class PartitionSearch:
     counts : ndarray of int, shape (n_counts,)
     costs : ndarray of shape (n_counts, 3)
         Normalised cut (summed over the views), the other cost (description length in
-        nats an observation, or reconstruction error) and total.
+        nats per observation, or reconstruction error) and total.
     labels : ndarray of int, shape (n_counts, n)
         -1 for tracks without affinity to another.
     best : int
@@ -83,14 +84,14 @@ def search_partitions(
 
     Candidates are spectral clusterings for several sparsities, with and without the
     simplest motion model, and what is left when an over-segmentation is merged step by
-    step. A candidate costs the nats an observation that its motions take to describe,
-    each by a fundamental matrix a frame pair, plus its weighted normalised cut. The
+    step. A candidate costs the nats per observation that its motions take to describe,
+    each by a fundamental matrix per frame pair, plus its weighted normalised cut. The
     count of least cost is chosen, of those in which all motions gain from being apart,
     and its partition is refined until the cost falls no more.
 
-    Rubbish would be judged, too, and make the background look badly described. So
-    tracks that no piece of an over-segmentation explains are left out and only get the
-    label of what they are nearest to.
+    Outliers would be judged, too, and make the background look badly described. So
+    tracks that are inliers of no over-segment are left out and only get the label of
+    their nearest neighbours.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ class _Clip:
 
 
 def _fit_over_segments(clip, cluster):
-    """Motions of the segments of an over-segmentation, without those of rubbish."""
+    """Motions of the over-segments, without those that are too noisy to be any."""
     graph = ViewGraph.from_affinities(
         clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
     )
@@ -189,7 +190,7 @@ def _fit_over_segments(clip, cluster):
 
 
 def _worth_judging(clip, segments, counts):
-    """Positions of the tracks that a piece explains; all, if there are too few."""
+    """Positions of the inliers of some over-segment; all, if there are too few."""
     if len(clip.points) < OVERSEGMENTATION * TRACKS_PER_SEGMENT:
         return np.arange(len(clip.points))
     kept = np.flatnonzero(inliers(segments, clip.distances(segments)).any(axis=0))
@@ -198,7 +199,7 @@ def _worth_judging(clip, segments, counts):
 
 
 def _best_by_count(clip, counts, cluster):
-    """The cheapest partition of each number of motions: {count: (cost, labels)}."""
+    """The partition of lowest cost per number of motions: {count: (cost, labels)}."""
     best: dict[int, tuple[Cost, np.ndarray]] = {}
     tried = set()
     for labels in _candidates(clip, counts, cluster):
@@ -225,7 +226,7 @@ def _spread(clip, judged, labels):
 
 
 def _refine(labels, clip, counts, cluster):
-    """A partition that is not dearer: tracks moved, motions merged or split.
+    """A partition of no higher cost: tracks moved, motions merged or split.
 
     Motions that gain from being apart are not merged, whatever the cost.
     """
@@ -266,7 +267,7 @@ def _refine(labels, clip, counts, cluster):
 
 
 def _explain(clip, labels, segments):
-    """Motions of a partition, and after them those of segments that it has lost."""
+    """Motions of a partition, and those of over-segments that it has lost."""
     motions = fit_motions(clip.geometry, labels, clip.affinity)
     lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
     by_segment = clip.distances(segments) / segments.inlier_thresholds[:, None]
@@ -277,7 +278,7 @@ def _explain(clip, labels, segments):
 
 
 def _choose(best, judge):
-    """The count of the cheapest partition whose motions gain; else the least.
+    """The count of the lowest cost of those whose motions gain; else the least.
 
     Of equal costs, as of groups that are never seen together, the larger count. Also
     returns two motions that gain too little for each count that was passed over.
