@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -156,7 +157,9 @@ class _Painter:
         self._n_labels = int(labels.max()) + 1
         self._max_side = max_side
         self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-        self._last = self._last_walk = self._grid = None
+        self._last: Any = None
+        self._last_walk: Any = None
+        self._grid: Any = None
 
     def look(self, frame):
         """A frame at the working size."""
@@ -222,15 +225,17 @@ class _Painter:
         return logs
 
     def _decide(self, view, logs, counts):
-        ties = edge_weights(view.picture, TIES, TIES_ACROSS_EDGES)
+        across, down = edge_weights(view.picture, TIES, TIES_ACROSS_EDGES)
         seeds = TRACK_EVIDENCE * np.minimum(counts, 2)
         view.colours = self._grid.colours(view.picture)
         cells = self._grid.cells(view.colours)
         if self._last is None:  # colours are learnt from a first walk without them
-            walk = random_walk(_drawn(logs) + seeds, *ties, np.full_like(logs, 0.5))
+            walk = random_walk(
+                _drawn(logs) + seeds, across, down, np.full_like(logs, 0.5)
+            )
             for _ in range(2):
                 colour = COLOUR_WEIGHT * self._grid.evidence(cells, walk, cells)
-                walk = random_walk(_drawn(logs + colour) + seeds, *ties, walk)
+                walk = random_walk(_drawn(logs + colour) + seeds, across, down, walk)
             return walk
         last, flow = self._last, self._last.back
         past = np.stack([warp(part, flow) for part in self._last_walk])
@@ -239,7 +244,7 @@ class _Painter:
         logs = logs + trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)
         logs += COLOUR_WEIGHT * self._grid.evidence(moved, self._last_walk, cells)
-        return random_walk(_drawn(logs) + seeds, *ties, past)
+        return random_walk(_drawn(logs) + seeds, across, down, past)
 
 
 def _drawn(logs):

@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable
 from numbers import Integral
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,8 @@ from ._frames import Progress, Source, first_frames, open_frames
 
 # Frames per second of a rendered clip whose source does not say.
 DEFAULT_FPS = 25.0
+# H.264 and VP9, which browsers play, and MPEG-4 Part 2, which every build can write.
+CODECS = ("avc1", "vp09", "mp4v")
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
@@ -57,9 +60,9 @@ def render_segmentation(
     labels : array-like of int, shape (n_tracks,)
         Motion of each track; -1 for none.
     out : path
-        ``.mp4``: a video (MPEG-4 Part 2) of ``n_frames``; odd widths and heights,
-        which it cannot have, grow by a pixel. ``.png``: a contact sheet of up to nine
-        frames spread over the clip, with their numbers.
+        ``.mp4``: a video of ``n_frames``, in H.264 or VP9 where OpenCV can write them;
+        odd widths and heights, which it cannot have, grow by a pixel. ``.png``: a
+        contact sheet of up to nine frames spread over the clip, with their numbers.
     masks : iterable of ndarray of uint8, shape (height, width), optional
         A label per pixel for each frame, as from :func:`dense_masks`: drawn as a
         translucent layer with contours, instead of the points; 0 is left as it is.
@@ -111,7 +114,7 @@ def render_segmentation(
     n_frames = points.shape[1]
     report = make_reporter(progress, n_frames)
     frames = first_frames(frames, n_frames, report)
-    pen = _Pen(points, visibility, labels, trail)
+    pen: Any = _Pen(points, visibility, labels, trail)
     if masks is not None:
         frames, pen = _with_masks(frames, masks), _Brush()
     with replacing_path(out) as part:
@@ -223,17 +226,29 @@ def _write_video(pictures, path, fps):
         for picture in pictures:
             picture = _padded_to_even(picture)
             if not writer.isOpened():
-                size = picture.shape[1::-1]
-                codec = cv2.VideoWriter_fourcc(*"mp4v")  # every build of OpenCV has it
-                writer.open(str(path), cv2.CAP_FFMPEG, codec, fps, size)
-                if not writer.isOpened():
-                    raise OSError(
-                        f"OpenCV cannot write a video of {size[0]} x {size[1]} pixels "
-                        f"at {fps:g} frames a second to {path.parent}"
-                    )
+                _open_writer(writer, path, fps, picture.shape[1::-1])
             writer.write(picture)
     finally:
         writer.release()
+
+
+def _open_writer(writer, path, fps, size):
+    """Open a writer with the first codec that this build of OpenCV can write."""
+    cv2 = require("cv2", extra="video")
+    logging = cv2.utils.logging
+    level = logging.getLogLevel()
+    logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # a missing codec is no news
+    try:
+        for codec in CODECS:
+            code = cv2.VideoWriter_fourcc(*codec)
+            if writer.open(str(path), cv2.CAP_FFMPEG, code, fps, size):
+                return
+    finally:
+        logging.setLogLevel(level)
+    raise OSError(
+        f"OpenCV cannot write a video of {size[0]} x {size[1]} pixels at {fps:g} "
+        f"frames per second to {path.parent}"
+    )
 
 
 def _padded_to_even(picture):

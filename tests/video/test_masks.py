@@ -146,7 +146,7 @@ def test_progress_counts_the_masks(frames, tracked):
 @pytest.mark.parametrize(
     "labels, options, words",
     [
-        ([0], {}, "need a label each|one label|labels"),
+        ([0], {}, "need one label each"),
         (-1, {}, "one labelled track or more"),
         (255, {}, "labels must be below 255; got 255"),
         (0, {"max_side": 8}, "max_side must be an integer of 16 or more; got 8"),

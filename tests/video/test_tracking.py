@@ -476,10 +476,13 @@ def test_points_however_far_outside_are_not_seen(tmp_path):
     np.testing.assert_array_equal(*sheets)
 
 
-def test_a_video_that_no_codec_writes(panned, tmp_path):
+def test_a_video_that_no_codec_writes(panned, tmp_path, monkeypatch):
     """Time is counted in 16 bits in MPEG-4."""
+    monkeypatch.setattr("skmotionseg.video._rendering.CODECS", ("mp4v",))
     X = np.zeros((1, 2 * N_FRAMES))
-    words = rf"write a video of 160 x 120 pixels at 90001 frames a second to {tmp_path}"
+    words = (
+        rf"write a video of 160 x 120 pixels at 90001 frames per second to {tmp_path}"
+    )
     with pytest.raises(OSError, match=words):
         render_segmentation(panned, X, [0], tmp_path / "out.mp4", fps=90001)
     assert not list(tmp_path.iterdir())
@@ -514,7 +517,7 @@ def test_frames_a_second_are_more_than_none(panned, tmp_path, fps, error):
 @pytest.mark.parametrize(
     "labels, out, words",
     [
-        ([0, 1], "out.mp4", "1 tracks need a label each"),
+        ([0, 1], "out.mp4", "1 tracks need one label each"),
         ([0.5], "out.mp4", "labels must be whole numbers; got dtype float64"),
         (["car"], "out.png", "labels must be whole numbers; got dtype <U3"),
         ([0], "out.gif", "end in .mp4 or .png; got out.gif"),

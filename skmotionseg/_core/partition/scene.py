@@ -246,7 +246,8 @@ def _joined(points, visibility, parts, n_parts, windows, moved):
     together = np.linalg.norm(apart, axis=2) < TOGETHER * np.maximum(length, length.T)
     one = together & (both > 0) & (touches >= both / 2)
     np.fill_diagonal(one, False)
-    return _components(*np.nonzero(one), n_parts)
+    first, second = np.nonzero(one)
+    return _components(first, second, n_parts)
 
 
 def _touching(points, parts, n_parts, reach):
