@@ -312,6 +312,8 @@ estimator, default="description_length"
         """
         models = check_models(self.models)
         check_fusion(self.fusion)
+        if self.kernel is not None:
+            self.kernel._validate_params()
         check_cacheable(self.memory, self.random_state, "random_state")
         points, visibility = self._read_tracks(X, reset=True)
         # A frame that sees nothing must not part its neighbours.
@@ -435,7 +437,7 @@ estimator, default="description_length"
         self.cost_names_, self.cost_weights_ = found.cost_names, found.cost_weights
         self.cost_tolerance_ = found.cost_tolerance
         candidates, shares = self._label_all(points, visibility, found)
-        before_rejection = candidates[found.best]
+        before_rejection = candidates[found.best].copy()
         labels, self._explanation = _without_outliers(
             points, visibility, before_rejection, found.explanation
         )
