@@ -143,14 +143,14 @@ estimator, default="description_length"
     n_motions_ : int
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
         Frames, by their number, to which the motions were fitted in the end.
-    matrices_ : ndarray of shape (n_motions_, n_pairs, 3, 3)
+    matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
         Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
         in the first and y in the second frame, of unit norm. NaN where fewer than
         eight tracks of the motion are seen.
     residuals_ : ndarray of shape (n_pairs, n_tracks), float32
         Sampson distance of each track from its own motion, in pixels. NaN where the
         pair does not see it, for tracks of no motion, and where there is no matrix.
-    inlier_thresholds_ : ndarray of shape (n_motions_,)
+    inlier_thresholds_ : ndarray of shape (n_motions,)
         Six standard deviations of a motion's noise, in pixels.
     inliers_ : ndarray of bool, shape (n_pairs, n_tracks)
         Whether the residual is within the threshold of the track's own motion. The
