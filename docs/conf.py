@@ -30,6 +30,8 @@ extensions = [
 exclude_patterns = ["_build"]
 templates_path = ["_templates"]
 nitpicky = True
+# scikit-learn's words about n_jobs, of which the inventory here has no part.
+nitpick_ignore = [("py:obj", "joblib.parallel_backend"), ("std:term", "n_jobs")]
 
 # ----------------------------------------------------------------------------- pages
 

@@ -187,6 +187,7 @@ default="kernel_addition"
 
     def _fuse(self):
         """The fusion with its weights, as a function of a graph."""
+        check_fusion(self.fusion)
         return bind_fusion(
             self.fusion,
             lam=self.lam,

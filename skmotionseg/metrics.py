@@ -108,7 +108,7 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
     callable
         ``(estimator, X, y) -> float``, for ``scoring=`` of
         :class:`~sklearn.model_selection.GridSearchCV` and
-        :func:`~sklearn.model_selection.cross_val_score`.
+        ``cross_val_score``.
 
     Raises
     ------

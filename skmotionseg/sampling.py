@@ -14,7 +14,7 @@ from sklearn.base import (
 )
 from sklearn.utils import check_random_state
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from ._core.geometry.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
 from ._core.geometry.motion_models import MotionModel
@@ -162,13 +162,15 @@ default="homography"
 
         Parameters
         ----------
-        input_features : ignored
+        input_features : array-like of str or None, default=None
+            Checked against the names of the columns in ``fit``, and not used.
 
         Returns
         -------
         ndarray of str, shape (n_pairs * n_hypotheses,)
         """
         check_is_fitted(self)
+        _check_feature_names_in(self, input_features, generate_names=False)
         n_pairs, n_hypotheses = self.hypotheses_.shape[:2]
         return column_names(n_pairs, n_hypotheses)
 

@@ -143,14 +143,14 @@ estimator, default="description_length"
     n_motions_ : int
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
         Frames, by their number, to which the motions were fitted in the end.
-    matrices_ : ndarray of shape (n_motions_, n_pairs, 3, 3)
+    matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
         Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
         in the first and y in the second frame, of unit norm. NaN where fewer than
         eight tracks of the motion are seen.
     residuals_ : ndarray of shape (n_pairs, n_tracks), float32
         Sampson distance of each track from its own motion, in pixels. NaN where the
         pair does not see it, for tracks of no motion, and where there is no matrix.
-    inlier_thresholds_ : ndarray of shape (n_motions_,)
+    inlier_thresholds_ : ndarray of shape (n_motions,)
         Six standard deviations of a motion's noise, in pixels.
     inliers_ : ndarray of bool, shape (n_pairs, n_tracks)
         Whether the residual is within the threshold of the track's own motion. The
@@ -312,6 +312,8 @@ estimator, default="description_length"
         """
         models = check_models(self.models)
         check_fusion(self.fusion)
+        if self.kernel is not None:
+            self.kernel._validate_params()
         check_cacheable(self.memory, self.random_state, "random_state")
         points, visibility = self._read_tracks(X, reset=True)
         # A frame that sees nothing must not part its neighbours.
@@ -435,7 +437,7 @@ estimator, default="description_length"
         self.cost_names_, self.cost_weights_ = found.cost_names, found.cost_weights
         self.cost_tolerance_ = found.cost_tolerance
         candidates, shares = self._label_all(points, visibility, found)
-        before_rejection = candidates[found.best]
+        before_rejection = candidates[found.best].copy()
         labels, self._explanation = _without_outliers(
             points, visibility, before_rejection, found.explanation
         )

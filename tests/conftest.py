@@ -19,6 +19,40 @@ with suppress(ImportError):
     import cv2  # noqa: F401
 
 
+# Files whose tests take more than a few seconds in all.
+SLOW = {
+    "test_benchmarks",
+    "test_cli",
+    "test_conformance",
+    "test_damaged_files",
+    "test_dask",
+    "test_determinism",
+    "test_edge_numbers",
+    "test_engines",
+    "test_examples",
+    "test_invariances",
+    "test_landmarks",
+    "test_missing_data",
+    "test_outliers",
+    "test_plotting",
+    "test_properties",
+    "test_real_data",
+    "test_report",
+    "test_resources",
+    "test_resume",
+    "test_sweeps",
+    "test_video",
+    "test_writing",
+}
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests of slow files, and whatever takes minutes."""
+    for item in items:
+        if item.path.stem in SLOW or item.get_closest_marker("long"):
+            item.add_marker("slow")
+
+
 @pytest.fixture(scope="session")
 def scene():
     """A small scene of three motions: (X, y)."""

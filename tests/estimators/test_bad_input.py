@@ -94,7 +94,7 @@ PARAMETERS = [
     case(
         "sampler, unknown model",
         lambda: HypothesisSampler("rigid").fit(X),
-        r"unknown motion model 'rigid'; expected one of \['affine', 'fund",
+        "unknown motion model 'rigid'; expected a MotionModel or one of",
     ),
     case(
         "sampler, model that is no text",
@@ -164,7 +164,7 @@ PARAMETERS = [
     case(
         "segmenter, unknown fusion",
         lambda: MotionSegmenter(2, fusion="mean").fit(X),
-        r"unknown fusion 'mean'; expected one of \['coreg', 'kernel_",
+        r"unknown fusion 'mean'; expected a callable or one of \['coreg', 'kernel_",
     ),
     case(
         "segmenter, unknown fusion, count unknown",
@@ -244,7 +244,7 @@ PARAMETERS = [
     case(
         "clustering, unknown fusion",
         lambda: MultiModelSpectralClustering(fusion="mean").fit(K),
-        "unknown fusion 'mean'; expected one of",
+        "unknown fusion 'mean'; expected a callable or one of",
     ),
     case(
         "clustering, negative lam",
