@@ -38,10 +38,21 @@ def add_mask_options(videos):
         "segmenter: .json",
     )
 
+    videos.add_argument(
+        "--viewer",
+        type=Path,
+        metavar="FILE",
+        help="page with the video, its masks and its tracks, for any browser: .html",
+    )
+
 
 def check_mask_options(arguments, video):
     """Refuse what could not be written, before any work."""
-    wanted = [o for o in ("masks", "static_masks", "prompts") if getattr(arguments, o)]
+    wanted = [
+        o
+        for o in ("masks", "static_masks", "prompts", "viewer")
+        if getattr(arguments, o)
+    ]
     if wanted and not video:
         raise ValueError(
             f"--{wanted[0].replace('_', '-')} needs a video or a folder of frames; "
@@ -52,6 +63,7 @@ def check_mask_options(arguments, video):
         if folder is not None and folder.exists() and not folder.is_dir():
             raise ValueError(f"{folder} is not a folder that masks could be written to")
     check_output(arguments.prompts, (".json",))
+    check_output(arguments.viewer, (".html",))
 
 
 def write_masks(arguments, frames, sequence, objects, console):
@@ -59,12 +71,13 @@ def write_masks(arguments, frames, sequence, objects, console):
 
     Returns
     -------
-    iterable of ndarray of uint8, or None
-        The masks again, if there are any, for whoever draws them.
+    callable or None
+        Gives the masks again, one by one, to whoever draws them; None if there are
+        none.
     """
     if arguments.prompts is not None:
         _write_prompts(arguments.prompts, frames, sequence, objects)
-    drawn = arguments.render is not None
+    drawn = arguments.render is not None or arguments.viewer is not None
     if not (drawn or arguments.masks or arguments.static_masks):
         return None
     from ..video import dense_masks
@@ -81,7 +94,9 @@ def write_masks(arguments, frames, sequence, objects, console):
                 kept.append(zlib.compress(mask.tobytes(), 1))
     sequence.seconds["masks"] = time.perf_counter() - started
     shape = mask.shape
-    return (np.frombuffer(zlib.decompress(k), np.uint8).reshape(shape) for k in kept)
+    return lambda: (
+        np.frombuffer(zlib.decompress(each), np.uint8).reshape(shape) for each in kept
+    )
 
 
 def _write_mask(arguments, name, mask):

@@ -123,7 +123,7 @@ def _segment(arguments):
         ).fit(sequence.data)
     labels = segmenter.labels_
     if video:
-        _write_pictures(arguments, sequence, labels, console)
+        _write_pictures(arguments, sequence, segmenter, console)
     elif arguments.render is not None:
         _draw_tracks(arguments, sequence, labels)
     if arguments.report is not None:
@@ -222,6 +222,7 @@ def _print_findings(console, arguments, sequence, segmenter):
         "masks": arguments.masks,
         "static masks": arguments.static_masks,
         "prompts": arguments.prompts,
+        "viewer": arguments.viewer,
         "report": arguments.report,
     }
     for name, path in files.items():
@@ -320,23 +321,28 @@ def _draw_report(arguments, sequence, segmenter):
     save_figure(display.figure_, arguments.report)
 
 
-def _write_pictures(arguments, sequence, labels, console):
-    """Masks, prompts and the rendering of a video, as far as they are asked for."""
-    from ..video import find_objects, render_segmentation
+def _write_pictures(arguments, sequence, segmenter, console):
+    """Masks, prompts and pictures of a video, as far as they are asked for."""
+    from ..video import find_objects, render_segmentation, write_viewer
 
     size = {side: sequence.video[side] for side in ("width", "height")}
-    objects = find_objects(sequence.data, labels, **size)
+    objects = find_objects(sequence.data, segmenter.labels_, **size)
     masks = write_masks(arguments, sequence.frames, sequence, objects, console)
-    if arguments.render is None:
-        return
-    started = time.perf_counter()
-    with reporting("rendering", console) as progress:
-        render_segmentation(
-            sequence.frames,
-            sequence.data,
-            labels,
-            arguments.render,
-            masks=masks,
-            progress=progress,
-        )
-    sequence.seconds["rendering"] = time.perf_counter() - started
+    video = sequence.frames, sequence.data
+    if arguments.render is not None:
+        started = time.perf_counter()
+        with reporting("rendering", console) as progress:
+            render_segmentation(
+                *video, objects, arguments.render, masks=masks(), progress=progress
+            )
+        sequence.seconds["rendering"] = time.perf_counter() - started
+    if arguments.viewer is not None:
+        with reporting("viewer", console) as progress:
+            write_viewer(
+                *video,
+                objects,
+                arguments.viewer,
+                masks=masks(),
+                probabilities=getattr(segmenter, "probabilities_", None),
+                progress=progress,
+            )

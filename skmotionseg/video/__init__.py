@@ -8,6 +8,7 @@ from ._objects import find_objects
 from ._prompts import prompt_points
 from ._rendering import render_segmentation
 from ._tracking import VideoTracks, track_video
+from ._viewer import write_viewer
 
 __all__ = [
     "VideoTracks",
@@ -16,4 +17,5 @@ __all__ = [
     "prompt_points",
     "render_segmentation",
     "track_video",
+    "write_viewer",
 ]

@@ -116,7 +116,7 @@ def render_segmentation(
     frames = first_frames(frames, n_frames, report)
     pen: Any = _Pen(points, visibility, labels, trail)
     if masks is not None:
-        frames, pen = _with_masks(frames, masks), _Brush()
+        frames, pen = with_masks(frames, masks), _Brush()
     with replacing_path(out) as part:
         if out.suffix.lower() == ".png":
             _write_sheet(_draw_tiles(frames, pen, n_frames), part)
@@ -171,7 +171,7 @@ class _Pen:
         return _to_canvas(steps[seen[:, :-1] & seen[:, 1:]], scale)
 
 
-def _with_masks(frames, masks):
+def with_masks(frames, masks):
     """Pairs of a frame and its mask, checked."""
     masks = iter(masks)
     for number, frame in enumerate(frames):
@@ -235,6 +235,7 @@ def _write_video(pictures, path, fps):
 def _open_writer(writer, path, fps, size):
     """Open a writer with the first codec that this build of OpenCV can write."""
     cv2 = require("cv2", extra="video")
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     logging = cv2.utils.logging
     level = logging.getLogLevel()
     logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # a missing codec is no news

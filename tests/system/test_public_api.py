@@ -116,6 +116,7 @@ def test_the_contract():
         "prompt_points",
         "render_segmentation",
         "track_video",
+        "write_viewer",
     }
 
 

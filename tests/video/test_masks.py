@@ -310,7 +310,8 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     masks, static = tmp_path / "masks", tmp_path / "static"
     prompts, sheet = tmp_path / "prompts.json", tmp_path / "sheet.png"
     options = ["--masks", masks, "--static-masks", static, "--prompts", prompts]
-    options += ["--render", sheet, "--motions", 2, "--max-frames", 6, "--jobs", 1]
+    options += ["--render", sheet, "--viewer", tmp_path / "page.html"]
+    options += ["--motions", 2, "--max-frames", 6, "--jobs", 1]
     code = main(["segment", str(folder), *map(str, options)])
     assert (code, capsys.readouterr().err) == (0, "")
     names = [f"im{number}" for number in range(6)]
@@ -325,6 +326,7 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     said = json.loads(prompts.read_text())["prompts"]
     assert {prompt["image"] for prompt in said} == {f"{name}.png" for name in names}
     assert cv2.imread(str(sheet)).shape == (2 * HEIGHT, 3 * WIDTH, 3)
+    assert "application/json" in (tmp_path / "page.html").read_text()
 
 
 def test_segment_takes_every_other_frame(folder, tmp_path, capsys):
