@@ -10,7 +10,6 @@ from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import count, with_progress
 
-
 METHODS_HELP = (
     "methods to run (default: all): those of the paper, which choose the number of "
     "motions by NCRE; eigengap and self_tuning, which choose it by other rules, with "
@@ -19,8 +18,8 @@ METHODS_HELP = (
 )
 RESUME_HELP = (
     "checkpoint file, made if there is none: each run is added when it ends, and runs "
-    "that are in it already, with the same tracks, method, parameters, seed and code of "
-    "this package, are not repeated"
+    "that are in it already, with the same tracks, method, parameters, seed and code "
+    "of this package, are not repeated"
 )
 
 
