@@ -570,7 +570,7 @@ estimator, default="description_length"
         <BLANKLINE>
                  normalised  description length
         motions         cut     per observation    total
-        ----------------------------------------------------------------------
+        ---...---
               1      0.0...             -4.1...  -4.1...  cost higher by ...
               2      0.0...             -5.6...  -5.6...  cost higher by ...
               3      0.1...             -6.0...  -6.0...  chosen

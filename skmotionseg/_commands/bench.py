@@ -10,6 +10,18 @@ from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import count, with_progress
 
+METHODS_HELP = (
+    "methods to run (default: all): those of the paper, which choose the number of "
+    "motions by NCRE; eigengap and self_tuning, which choose it by other rules, with "
+    "all models or, as in the paper's comparison, with homographies; and 'default', "
+    "the default of MotionSegmenter"
+)
+RESUME_HELP = (
+    "checkpoint file, made if there is none: each run is added when it ends, and runs "
+    "that are in it already, with the same tracks, method, parameters, seed and code "
+    "of this package, are not repeated"
+)
+
 
 def add_bench(commands):
     from .runs import LOADERS, METHODS
@@ -29,16 +41,9 @@ def add_bench(commands):
         choices=list(LOADERS),
         help="data sets to run (default: all that are found in DIR)",
     )
+    methods = list(METHODS)
     bench.add_argument(
-        "--methods",
-        nargs="+",
-        choices=list(METHODS),
-        default=list(METHODS),
-        help="methods to run (default: all): those of the paper, which choose the "
-        "number "
-        "of motions by NCRE; eigengap and self_tuning, which choose it by other rules, "
-        "with all models or, as in the paper's comparison, with homographies; and "
-        "'default', the default of MotionSegmenter",
+        "--methods", nargs="+", choices=methods, default=methods, help=METHODS_HELP
     )
     bench.add_argument(
         "--seeds",
@@ -47,16 +52,7 @@ def add_bench(commands):
         help="random seeds per method and sequence (default: 3)",
     )
     bench.add_argument("--json", type=Path, metavar="FILE", help="write all records")
-    bench.add_argument(
-        "--resume",
-        type=Path,
-        metavar="FILE",
-        help="checkpoint file, made if there is none: each run is added when it "
-        "ends, and "
-        "runs that are in it already, with the same tracks, method, parameters, "
-        "seed and "
-        "code of this package, are not repeated",
-    )
+    bench.add_argument("--resume", type=Path, metavar="FILE", help=RESUME_HELP)
     bench.add_argument(
         "--jobs",
         type=int,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from sklearn.utils import Bunch
@@ -30,6 +31,64 @@ from .mask_files import add_mask_options, check_mask_options, write_masks
 LABEL_ENDINGS = (".npz", ".csv")
 
 
+def _motions(text):
+    return text if text == "auto" else count(text)
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "--motions": {
+        "type": _motions,
+        "default": "auto",
+        "help": "number of motions, or auto (default: auto)",
+    },
+    "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
+    "--jobs": {
+        "type": int,
+        "default": -1,
+        "help": "parallel jobs; -1 is all processors (default: -1)",
+    },
+    "--out": {
+        "type": Path,
+        "help": "write the labels: .npz, with the tracks; or .csv, for videos with one "
+        "row per observation",
+    },
+    "--split-dir": {
+        "type": Path,
+        "help": "folder to write one track file per motion to",
+    },
+    "--render": {
+        "type": Path,
+        "help": "draw the motions: .png; for videos .mp4, or .png for a sheet of some "
+        "frames",
+    },
+    "--report": {
+        "type": Path,
+        "help": "draw the motions, the models that explain them and the cost of each "
+        "number of motions: .png, .pdf, .svg or .jpg",
+    },
+}
+VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
+    "--grid": {
+        "type": count,
+        "help": "distance between tracks in pixels (default: 8; 5 to 7 in small frames)",
+    },
+    "--stride": {
+        "type": count,
+        "default": 1,
+        "help": "read every so many frames (default: 1)",
+    },
+    "--max-frames": {
+        "type": count,
+        "help": "number of frames to read (default: all)",
+    },
+    "--max-side": {
+        "type": count,
+        "help": "shrink frames with a longer side to so many pixels before tracking "
+        "(default: never)",
+    },
+}
+
+
 def add_segment(commands):
     """Add the command to a parser's."""
     segment = commands.add_parser(
@@ -40,68 +99,13 @@ def add_segment(commands):
         ".jpg).",
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
-    segment.add_argument(
-        "--motions",
-        type=_motions,
-        default="auto",
-        help="number of motions, or auto (default: auto)",
-    )
-    segment.add_argument("--seed", type=int, default=0, help="random seed (default: 0)")
-    segment.add_argument(
-        "--jobs",
-        type=int,
-        default=-1,
-        help="parallel jobs; -1 is all processors (default: -1)",
-    )
-    segment.add_argument(
-        "--out",
-        type=Path,
-        help="write the labels: .npz, with the tracks; or .csv, for videos with "
-        "one row "
-        "per observation",
-    )
-    segment.add_argument(
-        "--split-dir", type=Path, help="folder to write one track file per motion to"
-    )
-    segment.add_argument(
-        "--render",
-        type=Path,
-        help="draw the motions: .png; for videos .mp4, or .png for a sheet of some "
-        "frames",
-    )
-    segment.add_argument(
-        "--report",
-        type=Path,
-        help="draw the motions, the models that explain them and the cost of each "
-        "number of motions: .png, .pdf, .svg or .jpg",
-    )
+    for name, options in OPTIONS.items():
+        segment.add_argument(name, **options)
     videos = segment.add_argument_group("videos")
-    videos.add_argument(
-        "--grid",
-        type=count,
-        help="distance between tracks in pixels (default: 8; 5 to 7 in small frames)",
-    )
-    videos.add_argument(
-        "--stride",
-        type=count,
-        default=1,
-        help="read every so many frames (default: 1)",
-    )
-    videos.add_argument(
-        "--max-frames", type=count, help="number of frames to read (default: all)"
-    )
-    videos.add_argument(
-        "--max-side",
-        type=count,
-        help="shrink frames with a longer side to so many pixels before tracking "
-        "(default: never)",
-    )
+    for name, options in VIDEO_OPTIONS.items():
+        videos.add_argument(name, **options)
     add_mask_options(videos)
     segment.set_defaults(run=_segment)
-
-
-def _motions(text):
-    return text if text == "auto" else count(text)
 
 
 def _segment(arguments):

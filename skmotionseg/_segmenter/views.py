@@ -148,7 +148,7 @@ def _fit_view(sampler, kernel, points, visibility):
 
 
 def place_tracks(views, points, visibility, labels, n_jobs):
-    """Labels of tracks by the vote of the fitted ones that they have most affinity to.
+    """Labels of tracks by a k-nearest-neighbour vote of the fitted ones.
 
     Parameters
     ----------
