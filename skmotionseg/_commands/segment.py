@@ -70,7 +70,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
 VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--grid": {
         "type": count,
-        "help": "distance between tracks in pixels (default: 8; 5 to 7 in small frames)",
+        "help": "distance between tracks in pixels (default: 8; 5 to 7 for small "
+        "frames)",
     },
     "--stride": {
         "type": count,
