@@ -19,7 +19,7 @@ import numpy as np
 
 from skmotionseg.datasets import load_tracks
 from skmotionseg.datasets._moseg import read_definition
-from skmotionseg.datasets._regions import _read_image
+from skmotionseg.datasets._regions import read_mask
 from skmotionseg.video._frames import VIDEO_ENDINGS, open_frames
 
 MOST_BYTES = 2**30
@@ -39,7 +39,7 @@ def read(path):
     if path.name.endswith("Def.dat"):
         return read_definition(path)
     if path.suffix in (".pgm", ".ppm"):
-        return _read_image(path)
+        return read_mask(path)
     return load_tracks(path)
 
 
