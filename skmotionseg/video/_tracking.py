@@ -154,15 +154,9 @@ def track_video(
     >>> np.median(whole[:, -2:] - whole[:, :2], axis=0).round()
     array([10.,  5.], dtype=float32)
     """
-    if grid_spacing is not None:
-        check_number("grid_spacing", grid_spacing, Integral, 2)
-    check_number("max_error", max_error, Real, 0)
-    check_number("min_length", min_length, Integral, 1)
-    check_number("min_texture", min_texture, Real, 0)
-    if max_frames is not None:
-        check_number("max_frames", max_frames, Integral, 2)
-    if max_side is not None:
-        check_number("max_side", max_side, Integral, SMALLEST_SIDE)
+    _check_parameters(
+        grid_spacing, max_error, min_length, min_texture, max_frames, max_side
+    )
     frames = open_frames(source)
     report = make_reporter(progress, _least(frames.n_announced, max_frames))
     sower, flow, log = (
@@ -287,6 +281,20 @@ def _refine(first, second, points, coarse):
         criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 10, 0.01),
     )
     return np.where(found == 1, fine, coarse)
+
+
+def _check_parameters(
+    grid_spacing, max_error, min_length, min_texture, max_frames, max_side
+):
+    if grid_spacing is not None:
+        check_number("grid_spacing", grid_spacing, Integral, 2)
+    check_number("max_error", max_error, Real, 0)
+    check_number("min_length", min_length, Integral, 1)
+    check_number("min_texture", min_texture, Real, 0)
+    if max_frames is not None:
+        check_number("max_frames", max_frames, Integral, 2)
+    if max_side is not None:
+        check_number("max_side", max_side, Integral, SMALLEST_SIDE)
 
 
 def _least(*numbers):
