@@ -1,0 +1,163 @@
+"""What a tracker makes of a scene: lifetimes, gaps, noise that drifts, wrong tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+KINDS = ("wander", "jump", "slide", "mismatch")
+
+
+def lifetimes(visible, births, ends, min_seen):
+    """Frames in which tracks are seen that begin somewhere and are lost once hidden.
+
+    Parameters
+    ----------
+    visible : ndarray of bool, shape (n_tracks, n_frames)
+        Inside the image and in front of everything else.
+    births : ndarray of int, shape (n_tracks,)
+        First frames.
+    ends : ndarray of shape (n_tracks,)
+        Frames after which the tracker gives up.
+    min_seen : int
+        Shorter tracks are not seen at all.
+
+    Returns
+    -------
+    seen : ndarray of bool, shape (n_tracks, n_frames)
+    """
+    frames = np.arange(visible.shape[1])
+    born = frames >= births[:, None]
+    seen = np.logical_and.accumulate(visible | ~born, axis=1) & born
+    seen &= frames < ends[:, None]
+    seen[seen.sum(axis=1) < min_seen] = False
+    return seen
+
+
+def photographs(visible, share, min_seen, rng):
+    """Frames in which points are found that have no order: each by chance."""
+    seen = visible & (rng.uniform(size=visible.shape) < share)
+    seen[seen.sum(axis=1) < min_seen] = False
+    return seen
+
+
+def with_gaps(seen, share, min_seen, rng):
+    """Hide one to three frames inside a share of the tracks."""
+    n_tracks, n_frames = seen.shape
+    start = (rng.uniform(size=n_tracks) * n_frames).astype(int)
+    stop = start + rng.randint(1, 4, size=n_tracks)
+    frames = np.arange(n_frames)
+    hidden = (frames >= start[:, None]) & (frames < stop[:, None])
+    hidden &= (rng.uniform(size=n_tracks) < share)[:, None]
+    left = seen & ~hidden
+    enough = left.sum(axis=1) >= min_seen
+    return np.where(enough[:, None], left, seen)
+
+
+def tracker_noise(points, seen, noise, drift, spread, shared, rng):
+    """Errors of a tracker, (n_tracks, n_frames, 2), pixels.
+
+    White noise plus a random walk that begins where the track does. Each track has a
+    scale of its own, log-normal, and a share of the walk is common to neighbours.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels, for who is a neighbour of whom.
+    seen : ndarray of bool, shape (n_tracks, n_frames)
+    noise : float
+        Median over tracks of the standard deviation of the white part, pixels.
+    drift : float
+        Standard deviation of a step of the walk, as a multiple of ``noise``.
+    spread : float
+        Standard deviation of the logarithm of a track's scale.
+    shared : float
+        Share of the walk's variance that neighbours have in common, in [0, 1].
+    rng : RandomState
+    """
+    shape = points.shape
+    white = rng.standard_normal(shape)
+    steps = rng.standard_normal(shape)
+    if shared > 0:
+        steps = np.sqrt(1 - shared) * steps + np.sqrt(shared) * _field(points, rng)
+    walk = steps.cumsum(axis=1)
+    first = seen.argmax(axis=1)
+    walk -= walk[np.arange(len(walk)), first][:, None]
+    scale = noise * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
+    return scale * (white + drift * walk)
+
+
+def _field(points, rng, n_waves=12, per_length=6):
+    """Smooth functions of the first place of a track, drawn anew for each frame."""
+    first = points[:, 0] / max(np.ptp(points[:, 0]), 1e-9)
+    waves = per_length * rng.standard_normal((2, n_waves))
+    angles = first @ waves
+    basis = np.concatenate([np.cos(angles), np.sin(angles)], axis=1) / np.sqrt(n_waves)
+    n_frames = points.shape[1]
+    weights = rng.standard_normal((2 * n_waves, n_frames * 2))
+    return (basis @ weights).reshape(len(points), n_frames, 2)
+
+
+def wrong_tracks(points, seen, others, shares, size, rng):
+    """Tracks that follow no motion, made from tracks that do.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels of tracks of some motion.
+    seen : ndarray of bool, shape (n_tracks, n_frames)
+    others : ndarray of shape (n_tracks, n_frames, 2)
+        Tracks of other motions, for those that slide along the edge of two things.
+    shares : sequence of 4 floats
+        How many wander, jump, slide and are mismatched.
+    size : ndarray of shape (2,)
+        Width and height, pixels.
+    rng : RandomState
+
+    Returns
+    -------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Not always inside the image.
+    """
+    n_tracks, n_frames = seen.shape
+    if n_tracks == 0:
+        return points
+    kinds = rng.choice(len(KINDS), size=n_tracks, p=shares)
+    width = size[0]
+    first = seen.argmax(axis=1)
+    places = points[np.arange(n_tracks), first][:, None]
+
+    def log_uniform(low, high):
+        return np.exp(rng.uniform(np.log(low), np.log(high), size=(n_tracks, 1, 1)))
+
+    # Some hold on to the thing they were found on, some do not.
+    holds = rng.uniform(size=(n_tracks, 1, 1)) < 0.5
+    walk = (log_uniform(0.002, 0.02) * width) * rng.standard_normal(points.shape)
+    walk = walk.cumsum(axis=1)
+    walk -= walk[np.arange(n_tracks), first][:, None]
+    wander = np.where(holds, points, places) + walk
+
+    length = np.maximum(seen.sum(axis=1), 2)
+    turn = first + 1 + (rng.uniform(size=n_tracks) * (length - 1)).astype(int)
+    late = np.arange(n_frames) >= turn[:, None]
+    jumps = log_uniform(0.01, 0.15) * width * _directions(n_tracks, rng)
+    jump = points + late[..., None] * jumps
+
+    mix = rng.uniform(0.25, 0.75, size=(n_tracks, 1, 1))
+    other_places = others[np.arange(n_tracks), first][:, None]
+    slide = points + mix * ((others - other_places) - (points - places))
+
+    mismatch = rng.uniform(size=points.shape) * size
+    wrong_in = rng.uniform(size=(n_tracks, n_frames)) < rng.uniform(0.2, 1)
+    wrong_in[np.arange(n_tracks), _a_seen_frame(seen, rng)] = True
+    mismatch = np.where(wrong_in[..., None], mismatch, points)
+
+    return np.choose(kinds[:, None, None], [wander, jump, slide, mismatch])
+
+
+def _directions(n, rng):
+    angles = rng.uniform(0, 2 * np.pi, size=n)
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)[:, None]
+
+
+def _a_seen_frame(seen, rng):
+    return (seen * rng.uniform(0.5, 1, size=seen.shape)).argmax(axis=1)
