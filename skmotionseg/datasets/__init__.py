@@ -3,11 +3,10 @@
 from ._benchmarks import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
 from ._files import load_tracks
 from ._regions import load_complex_background, load_fbms59
-from ._scenes import SCENE_FAMILIES, make_scene
+from ._scenes import make_scene, scene_families
 from ._synthetic import make_rigid_motions
 
 __all__ = [
-    "SCENE_FAMILIES",
     "load_complex_background",
     "load_fbms59",
     "load_hopkins12",
@@ -17,4 +16,5 @@ __all__ = [
     "load_tracks",
     "make_rigid_motions",
     "make_scene",
+    "scene_families",
 ]
