@@ -173,31 +173,31 @@ def misfits(points, seen, motions, camera, n_rounds=3):
     count = seen.sum(axis=1)
     # The frame in the middle of those in which the track is seen.
     reference = (seen.cumsum(axis=1) < (count[:, None] + 1) / 2).sum(axis=1)
-    fitted = [
-        _misfit_to_one(rays, seen, reference, _rescaled(motion), n_rounds)
-        for motion in motions
-    ]
-    return camera.focal * np.sqrt(np.array(fitted) / count)
+    fitted = _squared_misfits(rays, seen, reference, _rescaled(motions), n_rounds)
+    return camera.focal * np.sqrt(fitted / count)
 
 
-def _rescaled(motion):
-    """The same motion with coordinates that begin in the middle frame, of size 1."""
-    middle = len(motion.translations) // 2
-    rotations = motion.rotations @ motion.rotations[middle].T
-    offsets = motion.translations - rotations @ motion.translations[middle]
-    size = np.sqrt((offsets**2).mean())
-    return Motion(rotations, offsets / size if size > 1e-9 else 0 * offsets)
+def _rescaled(motions):
+    """The same motions with coordinates that begin in the middle frame, of size 1."""
+    rotations = np.array([motion.rotations for motion in motions])
+    translations = np.array([motion.translations for motion in motions])
+    middle = translations.shape[1] // 2
+    rotations = rotations @ rotations[:, [middle]].transpose(0, 1, 3, 2)
+    start = translations[:, [middle], :, None]
+    offsets = translations - (rotations @ start)[..., 0]
+    sizes = np.sqrt((offsets**2).mean(axis=(1, 2), keepdims=True))
+    return Motion(rotations, offsets * (sizes > 1e-9) / np.maximum(sizes, 1e-9))
 
 
-def _misfit_to_one(rays, seen, reference, motion, n_rounds):
+def _squared_misfits(rays, seen, reference, motions, n_rounds):
     n_tracks, n_frames = seen.shape
     cameras = np.concatenate(
-        [motion.rotations, motion.translations[..., None]], axis=2
-    )  # (n_frames, 3, 4)
-    first, second, third = cameras[:, 0], cameras[:, 1], cameras[:, 2]
-    # Sums over frames of outer products, as matrix products: (n_frames, 16) each.
+        [motions.rotations, motions.translations[..., None]], axis=3
+    )  # (n_motions, n_frames, 3, 4)
+    first, second, third = np.moveaxis(cameras, 2, 0)
+    # Sums over frames of outer products, as matrix products.
     square, with_x, with_y, rest = (
-        each.reshape(n_frames, 16)
+        each.reshape(-1, n_frames, 16)
         for each in (
             _outer(third, third),
             _outer(third, first) + _outer(first, third),
@@ -205,51 +205,51 @@ def _misfit_to_one(rays, seen, reference, motion, n_rounds):
             _outer(first, first) + _outer(second, second),
         )
     )
-    basis, start = _point_basis(rays, reference, motion)
+    basis, start = _point_basis(rays, reference, motions)
     x, y = rays[..., 0], rays[..., 1]
-    depths = np.ones_like(x)
+    all_cameras = cameras.reshape(len(cameras), -1, 4).transpose(0, 2, 1)
+    depths = np.ones((len(cameras), n_tracks, n_frames))
     for _ in range(n_rounds):
         weights = seen / np.maximum(np.abs(depths), 1e-2) ** 2
         normal = (weights * (x**2 + y**2)) @ square + weights @ rest
         normal -= (weights * x) @ with_x + (weights * y) @ with_y
-        normal = normal.reshape(n_tracks, 4, 4)
-        sided = basis.transpose(0, 2, 1) @ normal  # (n_tracks, 3, 4)
+        normal = normal.reshape(-1, n_tracks, 4, 4)
+        sided = basis.swapaxes(-1, -2) @ normal  # (n_motions, n_tracks, 3, 4)
         left = sided @ basis
-        trace = np.einsum("nii->n", left)
-        left[:, [0, 1, 2], [0, 1, 2]] += RIDGE * trace[:, None] + 1e-300
-        right = (sided @ start[..., None])[..., 0]
-        solved = np.linalg.solve(left, -right[..., None])[..., 0]
-        homogeneous = start + (basis @ solved[..., None])[..., 0]  # (n_tracks, 4)
-        images = homogeneous @ cameras.reshape(-1, 4).T
-        images = images.reshape(n_tracks, n_frames, 3)
+        trace = np.trace(left, axis1=-2, axis2=-1)[..., None, None]
+        left += (RIDGE * trace + 1e-300) * np.eye(3)
+        solved = np.linalg.solve(left, -sided @ start[..., None])
+        homogeneous = start + (basis @ solved)[..., 0]  # (n_motions, n_tracks, 4)
+        images = homogeneous @ all_cameras
+        images = images.reshape(-1, n_tracks, n_frames, 3)
         depths = images[..., 2]
     divisor = np.where(np.abs(depths) < 1e-2, 1e-2, depths)
-    gaps = images[..., :2] / divisor[..., None] - rays
-    return (seen * (gaps**2).sum(axis=2)).sum(axis=1)
+    gaps_x, gaps_y = images[..., 0] / divisor - x, images[..., 1] / divisor - y
+    return (seen * (gaps_x**2 + gaps_y**2)).sum(axis=2)
 
 
 def _outer(a, b):
-    return a[:, :, None] * b[:, None, :]
+    return a[..., :, None] * b[..., None, :]
 
 
-def _point_basis(rays, reference, motion):
+def _point_basis(rays, reference, motions):
     """Homogeneous points on the rays near that of the reference frame.
 
     Returns
     -------
-    basis : ndarray of shape (n_tracks, 4, 3)
+    basis : ndarray of shape (n_motions, n_tracks, 4, 3)
         What one more unit of x, y and inverse depth in the reference frame changes.
-    start : ndarray of shape (n_tracks, 4)
+    start : ndarray of shape (n_motions, n_tracks, 4)
         The point at infinity on the ray.
     """
     n_tracks = len(rays)
-    back = motion.rotations[reference].transpose(0, 2, 1)
-    basis = np.zeros((n_tracks, 4, 3))
-    basis[:, :3, :2] = back[:, :, :2]
-    offsets = motion.translations[reference][..., None]
-    basis[:, :3, 2] = -(back @ offsets)[..., 0]
-    basis[:, 3, 2] = 1
+    back = motions.rotations[:, reference].swapaxes(-1, -2)
+    basis = np.zeros((*back.shape[:2], 4, 3))
+    basis[..., :3, :2] = back[..., :2]
+    offsets = motions.translations[:, reference][..., None]
+    basis[..., :3, 2] = -(back @ offsets)[..., 0]
+    basis[..., 3, 2] = 1
     ray = np.column_stack([rays[np.arange(n_tracks), reference], np.ones(n_tracks)])
-    start = np.zeros((n_tracks, 4))
-    start[:, :3] = (back @ ray[..., None])[..., 0]
+    start = np.zeros((*back.shape[:2], 4))
+    start[..., :3] = (back @ ray[..., None])[..., 0]
     return basis, start

@@ -34,8 +34,9 @@ def lifetimes(visible, births, ends, min_seen):
 
 
 def photographs(visible, share, min_seen, rng):
-    """Frames in which points are found that have no order: each by chance."""
-    seen = visible & (rng.uniform(size=visible.shape) < share)
+    """Frames in which points are found that have no order: most in few, some in all."""
+    shares = np.minimum(share * rng.exponential(size=(len(visible), 1)), 1)
+    seen = visible & (rng.uniform(size=visible.shape) < shares)
     seen[seen.sum(axis=1) < min_seen] = False
     return seen
 
@@ -57,7 +58,7 @@ def tracker_noise(points, seen, noise, drift, spread, shared, rng):
     """Errors of a tracker, (n_tracks, n_frames, 2), pixels.
 
     White noise plus a random walk that begins where the track does. Each track has a
-    scale of its own, log-normal, and a share of the walk is common to neighbours.
+    scale of its own, log-normal, and neighbours have a share of both in common.
 
     Parameters
     ----------
@@ -65,30 +66,40 @@ def tracker_noise(points, seen, noise, drift, spread, shared, rng):
         Pixels, for who is a neighbour of whom.
     seen : ndarray of bool, shape (n_tracks, n_frames)
     noise : float
-        Median over tracks of the standard deviation of the white part, pixels.
+        Median over tracks of the standard deviation of a coordinate, pixels, one frame
+        after the beginning.
     drift : float
-        Standard deviation of a step of the walk, as a multiple of ``noise``.
+        Share of its variance that is a step of the walk, in [0, 1].
     spread : float
         Standard deviation of the logarithm of a track's scale.
     shared : float
-        Share of the walk's variance that neighbours have in common, in [0, 1].
+        Share of the variance that neighbours have in common, in [0, 1].
     rng : RandomState
     """
     shape = points.shape
-    white = rng.standard_normal(shape)
-    steps = rng.standard_normal(shape)
-    if shared > 0:
-        steps = np.sqrt(1 - shared) * steps + np.sqrt(shared) * _field(points, rng)
-    walk = steps.cumsum(axis=1)
-    first = seen.argmax(axis=1)
-    walk -= walk[np.arange(len(walk)), first][:, None]
-    scale = noise * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
-    return scale * (white + drift * walk)
+    errors = np.zeros(shape)
+    if drift < 1:
+        errors += np.sqrt(1 - drift) * _partly_shared(points, shared, rng)
+    if drift > 0:
+        walk = _partly_shared(points, shared, rng).cumsum(axis=1)
+        walk -= walk[np.arange(len(walk)), seen.argmax(axis=1)][:, None]
+        errors += np.sqrt(drift) * walk
+    errors *= noise * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
+    return errors
+
+
+def _partly_shared(points, shared, rng):
+    own = rng.standard_normal(points.shape)
+    if shared == 0:
+        return own
+    own *= np.sqrt(1 - shared)
+    own += np.sqrt(shared) * _field(points, rng)
+    return own
 
 
 def _field(points, rng, n_waves=12, per_length=6):
     """Smooth functions of the first place of a track, drawn anew for each frame."""
-    first = points[:, 0] / max(np.ptp(points[:, 0]), 1e-9)
+    first = (points[:, 0] - points[:, 0].min(axis=0)) / max(np.ptp(points[:, 0]), 1e-9)
     waves = per_length * rng.standard_normal((2, n_waves))
     angles = first @ waves
     basis = np.concatenate([np.cos(angles), np.sin(angles)], axis=1) / np.sqrt(n_waves)

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from sklearn.utils import Bunch, check_random_state
 
-from .._core.tracks import pack_tracks
 from ._scene_geometry import (
+    NEAREST,
     Camera,
     Motion,
     Surface,
@@ -38,7 +38,7 @@ N_PROBES = 40  # points that stand for a motion while it is drawn
 N_DRAWS = 12  # of an object, until it is seen and differs from those before
 PROBES_SEEN = 0.15  # share of the probes
 APART = 2.0  # misfit of the 5 % of probes that tell motions apart least, in noises
-N_JUDGED = 500  # tracks whose separation is computed
+N_JUDGED = 300  # tracks whose separation is computed
 
 
 class _Thing(NamedTuple):
@@ -61,10 +61,12 @@ class _Family(NamedTuple):
     background: tuple | None = (0.4, 0.9)  # share of the tracks
     outliers: tuple = (0.0, 0.4)
     kinds: tuple = (0.35, 0.35, 0.3, 0.0)  # wander, jump, slide, mismatch
-    noise: tuple = (0.05, 0.25)  # pixels
-    drift: tuple = (0.2, 1.0)  # of the noise, per frame
+    noise: tuple = (0.03, 0.2)  # pixels, a frame after the beginning
+    drift: tuple = (0.2, 0.9)  # share of the noise that adds up
     spread: tuple = (0.4, 0.8)
-    life: tuple | None = (6, 25)  # mean, in frames; None: as long as the scene
+    shared: tuple = (0.0, 0.6)  # share of the noise that neighbours have in common
+    late: tuple = (0.1, 0.5)  # share of the tracks that begin after the first frame
+    life: tuple | None = (8, 80)  # mean, in frames; None: as long as the scene
     whole: bool = False  # only tracks that are seen in all frames
     seen: tuple | None = None  # share of the frames a point is found in, unordered
     gaps: tuple = (0.0, 0.0)  # share of the tracks
@@ -241,7 +243,7 @@ def _as_thing(camera, rotations, positions, surface, radius):
 
 def _street(settings, rng):
     n_frames = settings.n_frames
-    speed = 0.05 if rng.uniform() < 0.1 else rng.uniform(0.25, 1.5)  # m per frame
+    speed = 0.05 if rng.uniform() < 0.1 else _log_uniform(rng, 0.1, 1.3)  # m per frame
     pace = speed * (1 + 0.15 * smooth(n_frames, rng, 1))
     steps = pace * [[0.0, 0.0, 1.0]]
     steps[:, :2] += 0.005 * rng.standard_normal((n_frames, 2))
@@ -300,7 +302,7 @@ def _still(settings, rng):
 
 def _table(settings, rng):
     moves = rng.uniform() < 0.75
-    flow = _log_uniform(rng, 0.001, 0.006)
+    flow = _log_uniform(rng, 0.002, 0.012)
     if moves:
         camera = _hand_held_camera(settings, rng, 1.0, flow)
     else:
@@ -314,8 +316,8 @@ def _table(settings, rng):
             rng,
             depth=(0.8, 1.1),
             extent=(0.08, 0.2),
-            flow=(0.0008, 0.006),
-            spin=(0.1, 1.5),
+            flow=(0.001, 0.008),
+            spin=(0.1, 2.0),
             along=0.4,
             shape="box",
         )
@@ -444,7 +446,7 @@ def _moved_about(settings, rng, angle, shift):
 
 
 def _two_images(settings, rng):
-    camera, draw = _moved_about(settings, rng, 20, 0.12)
+    camera, draw = _moved_about(settings, rng, 25, 0.25)
     surface = in_view(camera, _clutter(1.0, 1.6, rng))
     return camera, surface if rng.uniform() < 0.4 else None, draw
 
@@ -515,8 +517,9 @@ _FAMILIES = {
         (0.2, 0.5),
         outliers=(0.0, 0.75),
         kinds=(0.0, 0.0, 0.0, 1.0),
-        noise=(0.3, 1.0),
+        noise=(0.3, 1.2),
         drift=(0.0, 0.0),
+        shared=(0.0, 0.2),
         life=None,
         sizes=((640, 480), (720, 576)),
     ),
@@ -528,14 +531,22 @@ _FAMILIES = {
         (0.3, 0.7),
         outliers=(0.0, 0.4),
         kinds=(0.0, 0.2, 0.0, 0.8),
-        noise=(0.3, 1.5),
+        noise=(0.4, 2.0),
         drift=(0.0, 0.0),
+        shared=(0.0, 0.2),
         life=None,
-        seen=(0.35, 0.7),
+        seen=(0.3, 0.6),
         sizes=((1280, 960), (1600, 1200), (3000, 2000)),
     ),
     "long": _Family(
-        _long, (200, 3000), (60, 200), (2, 5), outliers=(0.0, 0.3), life=(20, 30)
+        _long,
+        (200, 3000),
+        (60, 200),
+        (2, 5),
+        outliers=(0.0, 0.3),
+        drift=(0.1, 0.6),
+        late=(0.8, 0.95),
+        life=(20, 40),
     ),
     "one_motion": _Family(
         _one_motion,
@@ -543,7 +554,7 @@ _FAMILIES = {
         (2, 40),
         (1, 1),
         outliers=(0.0, 0.75),
-        drift=(0.2, 1.5),
+        drift=(0.2, 1.0),
         kinds=(0.3, 0.2, 0.2, 0.3),
     ),
     "dense_small": _Family(
@@ -560,7 +571,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
-    *("drift", "spread", "life", "seen", "gaps", "focal"),
+    *("drift", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
 )
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
 _LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life")
@@ -612,12 +623,15 @@ def make_scene(
         What is not to be drawn from the range of the family, or from another range:
         ``n_tracks`` (outliers included), ``n_frames``, ``n_motions``, ``background``
         (share of the tracks that follow a motion), ``outliers`` (share of all
-        tracks), ``noise`` (pixels), ``drift`` (step of the random walk per frame, as a
-        multiple of the noise), ``spread`` (of the logarithm of the noise over
-        tracks), ``life`` (mean number of frames a track lasts), ``seen`` (share of
-        the frames a point is found in, unordered photographs only), ``gaps`` (share of
-        tracks with a gap) and ``focal`` (image widths); ``image_size`` is (width,
-        height) in pixels.
+        tracks), ``noise`` (standard deviation of a coordinate one frame after the
+        track begins, pixels), ``drift`` (share of its variance that adds up from
+        frame to frame), ``spread`` (standard deviation over tracks of the logarithm
+        of their noise), ``shared`` (share of the noise that neighbours have in
+        common), ``late`` (share of the tracks that begin after the first frame),
+        ``life`` (mean number of frames after which a track is lost), ``seen`` (share
+        of the frames a point is found in, unordered photographs only), ``gaps``
+        (share of tracks with a gap) and ``focal`` (image widths); ``image_size`` is
+        (width, height) in pixels.
 
     Returns
     -------
@@ -633,7 +647,7 @@ def make_scene(
             Label of what stands still in the world, -1 if nothing does.
         separation : float
             Share of the tracks of motions that their own motion explains best, of all
-            true motions, each with the depth that fits best. Of 500 tracks if
+            true motions, each with the depth that fits best. Of 300 tracks if
             there are more. 1 if there is one motion.
         separations : ndarray of shape (n_motions,)
             The same within each motion.
@@ -669,8 +683,9 @@ def make_scene(
     settings = _draw_settings(family, overrides, rng)
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
-    things = _draw_things(camera, surface, draw, settings, chosen, rng)
-    return _film(family, camera, things, surface is not None, settings, chosen, rng)
+    things, shares = _draw_things(camera, surface, draw, settings, chosen, rng)
+    filmed = camera, things, shares, surface is not None
+    return _film(family, *filmed, settings, chosen, rng)
 
 
 # --------------------------------------------------------------------------- assembling
@@ -721,7 +736,7 @@ def _draw_setting(name, given, rng):
 
 def _draw_things(camera, surface, draw, settings, chosen, rng):
     """The background, if there is one, and objects that move unlike all others."""
-    things, probes = [], []
+    things, probes = [], []  # probes: points, frames seen in
     if surface is not None:
         n_frames = settings.n_frames
         still = np.tile(np.eye(3), (n_frames, 1, 1)), np.zeros((n_frames, 3))
@@ -739,7 +754,8 @@ def _draw_things(camera, surface, draw, settings, chosen, rng):
                 break
         things.append(best[1])
         probes.append(best[2])
-    return things
+    shares = [max(len(probe[0]) / N_PROBES, 0.05) for probe in probes]
+    return things, shares
 
 
 def _probe(thing, camera, settings, chosen, rng):
@@ -754,7 +770,7 @@ def _merit(thing, probe, things, probes, camera, settings):
     if share < PROBES_SEEN:
         return 0.1 * share / PROBES_SEEN
     length = probe[1].sum(axis=1).mean()
-    noise = settings.noise * np.sqrt(1 + settings.drift**2 * length / 6)
+    noise = settings.noise * np.sqrt(1 + settings.drift * length / 6)
     apart = np.inf
     if things:
         theirs = misfits(*probe, [other.motion for other in things], camera, 2)
@@ -775,7 +791,7 @@ def _track(thing, n_tracks, occluders, camera, settings, chosen, rng):
         births = rng.randint(n_frames, size=n_tracks)
     elif not chosen.whole and n_frames > 3:
         latest = n_frames - _min_seen(settings)
-        late = rng.uniform(size=n_tracks) < 0.5 + 0.4 * (n_frames > 50)
+        late = rng.uniform(size=n_tracks) < settings.late
         births = np.where(late, rng.randint(latest + 1, size=n_tracks), 0)
     if settings.life is None or chosen.whole:
         ends = np.full(n_tracks, n_frames)
@@ -783,12 +799,14 @@ def _track(thing, n_tracks, occluders, camera, settings, chosen, rng):
         ends = births + 2 + rng.exponential(settings.life, size=n_tracks)
     surface = thing.surface(births, rng)
     points, depths = project(surface, thing.motion, camera)
-    visible = (depths > 0.2) & (points > 0).all(axis=2)
-    visible &= (points < camera.size).all(axis=2)
+    x, y = points[..., 0], points[..., 1]
+    visible = (depths > NEAREST) & (x > 0) & (x < camera.size[0])
+    visible &= (y > 0) & (y < camera.size[1])
     for middle, spread, depth in occluders:
-        gaps = points - middle
-        inside = np.einsum("nfi,fij,nfj->nf", gaps, spread, gaps) < 3
-        visible &= ~(inside & (depths > depth))
+        along, across = x - middle[:, 0], y - middle[:, 1]
+        far = spread[:, 0, 0] * along**2 + spread[:, 1, 1] * across**2
+        far += 2 * spread[:, 0, 1] * along * across
+        visible &= (far > 3) | (depths < depth)
     if chosen.whole:
         seen = visible & visible.all(axis=1, keepdims=True)
     elif chosen.seen is not None:
@@ -829,9 +847,9 @@ def _group_sizes(n_tracks, n_motions, has_background, settings, rng):
     return sizes
 
 
-def _fill(thing, size, occluders, camera, settings, chosen, rng):
+def _fill(thing, size, share, occluders, camera, settings, chosen, rng):
     """``size`` tracks of a thing that are seen, fewer only if hardly any is."""
-    found, n_found, share = [], 0, 0.6
+    found, n_found = [], 0
     for _ in range(12):
         n_more = int((size - n_found) / share * 1.1) + 8
         n_more = min(n_more, 20 * size + 200)
@@ -849,7 +867,7 @@ def _fill(thing, size, occluders, camera, settings, chosen, rng):
     return np.concatenate(points), np.concatenate(seen)
 
 
-def _film(family, camera, things, has_background, settings, chosen, rng):
+def _film(family, camera, things, shares, has_background, settings, chosen, rng):
     n_motions = len(things)
     n_outliers = round(settings.outliers * settings.n_tracks)
     n_inliers = max(settings.n_tracks - n_outliers, n_motions)
@@ -861,7 +879,10 @@ def _film(family, camera, things, has_background, settings, chosen, rng):
     for motion, thing in enumerate(things):
         others = [disc for other, disc in discs.items() if other != motion]
         size = sizes[motion] + extra[motion]
-        filled = _fill(thing, size, others, camera, settings, chosen, rng)
+        share, options = shares[motion], (camera, settings, chosen, rng)
+        filled = _fill(thing, size, share, others, *options)
+        if len(filled[0]) < min(size, MIN_GROUP):  # hidden: then nothing hides it
+            filled = _fill(thing, size, share, [], *options)
         points.append(filled[0])
         seen.append(filled[1])
     found = np.array([len(each) for each in points])
@@ -879,16 +900,16 @@ def _film(family, camera, things, has_background, settings, chosen, rng):
     background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
-    noise = [settings[name] for name in ("noise", "drift", "spread")]
-    errors = tracker_noise(points, seen, *noise, 0.3, rng)
+    noise = [settings[name] for name in ("noise", "drift", "spread", "shared")]
+    errors = tracker_noise(points, seen, *noise, rng)
     motions = [things[motion].motion for motion in order]
     separations, separation = _separation(
         points + errors, seen, target, motions, camera, rng
     )
     scene = Bunch(
-        data=pack_tracks(points + errors, seen),
+        data=_packed(points + errors, seen),
         target=target,
-        truth=pack_tracks(points, seen),
+        truth=_packed(points, seen),
         n_motions=len(motions),
         background=background,
         separation=separation,
@@ -951,6 +972,10 @@ def _separation(points, seen, target, motions, camera, rng):
         [best[target[kept] == motion].mean() for motion in range(len(motions))]
     )
     return shares, float(shares @ sizes / sizes.sum())
+
+
+def _packed(points, seen):
+    return np.where(seen[..., None], points, np.nan).reshape(len(points), -1)
 
 
 def _describe(scene):
