@@ -355,9 +355,7 @@ def main(arguments=None):
     rows = {}
     if arguments.data:
         rows = table(real_sequences(arguments.data, arguments.every), arguments.frames)
-    made = simulated(
-        arguments.scenes, arguments.families, n_tracks=(100, 800), outliers=0
-    )
+    made = simulated(arguments.scenes, arguments.families, n_tracks=(100, 800))
     rows |= table(made, arguments.frames)
     if arguments.json:
         medians = {

@@ -260,7 +260,7 @@ def main(arguments=None):
             for family in arguments.families
         ]
         for line in lines:
-            line["name"] = f"{line['family']} {arguments.half}"
+            line["row"] = f"{line['family']} {arguments.half}"
         report.save(arguments.json, "scenes", lines)
 
 

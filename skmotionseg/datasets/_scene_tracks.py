@@ -54,11 +54,11 @@ def with_gaps(seen, share, min_seen, rng):
     return np.where(enough[:, None], left, seen)
 
 
-def tracker_noise(points, seen, noise, drift, spread, shared, rng):
+def tracker_noise(points, seen, noise, drift, inertia, spread, shared, rng):
     """Errors of a tracker, (n_tracks, n_frames, 2), pixels.
 
-    White noise plus a random walk that begins where the track does. Each track has a
-    scale of its own, log-normal, and neighbours have a share of both in common.
+    White noise plus a walk that begins where the track does. Each track has a scale of
+    its own, log-normal, and neighbours have a share of both in common.
 
     Parameters
     ----------
@@ -70,6 +70,8 @@ def tracker_noise(points, seen, noise, drift, spread, shared, rng):
         after the beginning.
     drift : float
         Share of its variance that is a step of the walk, in [0, 1].
+    inertia : float
+        Correlation of a step with the one before, in [0, 1].
     spread : float
         Standard deviation of the logarithm of a track's scale.
     shared : float
@@ -78,34 +80,46 @@ def tracker_noise(points, seen, noise, drift, spread, shared, rng):
     """
     shape = points.shape
     errors = np.zeros(shape)
+    common = _neighbours_draw_alike(points, rng) if shared > 0 else None
     if drift < 1:
-        errors += np.sqrt(1 - drift) * _partly_shared(points, shared, rng)
+        errors += np.sqrt(1 - drift) * _partly_shared(shape, shared, common, rng)
     if drift > 0:
-        walk = _partly_shared(points, shared, rng).cumsum(axis=1)
+        walk = _partly_shared(shape, shared, common, rng)
+        walk[:, 1:] *= np.sqrt(1 - inertia**2)
+        for frame in range(1, shape[1]):
+            walk[:, frame] += inertia * walk[:, frame - 1]
+        np.cumsum(walk, axis=1, out=walk)
         walk -= walk[np.arange(len(walk)), seen.argmax(axis=1)][:, None]
         errors += np.sqrt(drift) * walk
     errors *= noise * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
     return errors
 
 
-def _partly_shared(points, shared, rng):
-    own = rng.standard_normal(points.shape)
-    if shared == 0:
-        return own
-    own *= np.sqrt(1 - shared)
-    own += np.sqrt(shared) * _field(points, rng)
+def _partly_shared(shape, shared, common, rng):
+    own = rng.standard_normal(shape)
+    if shared > 0:
+        own *= np.sqrt(1 - shared)
+        own += np.sqrt(shared) * common(shape[1])
     return own
 
 
-def _field(points, rng, n_waves=12, per_length=6):
-    """Smooth functions of the first place of a track, drawn anew for each frame."""
-    first = (points[:, 0] - points[:, 0].min(axis=0)) / max(np.ptp(points[:, 0]), 1e-9)
-    waves = per_length * rng.standard_normal((2, n_waves))
-    angles = first @ waves
+def _neighbours_draw_alike(points, rng, n_waves=16):
+    """Draw for all tracks from normal distributions that vary smoothly over the image.
+
+    The first place of a track counts; the distance over which draws are alike is
+    random, from a thirtieth to a seventh of the image.
+    """
+    first = points[:, 0] - points[:, 0].min(axis=0)
+    first = first / max(first.max(), 1e-9)
+    reach = np.exp(rng.uniform(np.log(0.03), np.log(0.15)))
+    angles = first @ (rng.standard_normal((2, n_waves)) / reach)
     basis = np.concatenate([np.cos(angles), np.sin(angles)], axis=1) / np.sqrt(n_waves)
-    n_frames = points.shape[1]
-    weights = rng.standard_normal((2 * n_waves, n_frames * 2))
-    return (basis @ weights).reshape(len(points), n_frames, 2)
+
+    def draw(n_frames):
+        weights = rng.standard_normal((2 * n_waves, 2 * n_frames))
+        return (basis @ weights).reshape(len(points), n_frames, 2)
+
+    return draw
 
 
 def wrong_tracks(points, seen, others, shares, size, rng):

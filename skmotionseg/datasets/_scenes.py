@@ -61,10 +61,11 @@ class _Family(NamedTuple):
     background: tuple | None = (0.4, 0.9)  # share of the tracks
     outliers: tuple = (0.0, 0.4)
     kinds: tuple = (0.35, 0.35, 0.3, 0.0)  # wander, jump, slide, mismatch
-    noise: tuple = (0.03, 0.2)  # pixels, a frame after the beginning
-    drift: tuple = (0.2, 0.9)  # share of the noise that adds up
-    spread: tuple = (0.4, 0.8)
-    shared: tuple = (0.0, 0.6)  # share of the noise that neighbours have in common
+    noise: tuple = (0.04, 0.2)  # pixels, a frame after the beginning
+    drift: tuple = (0.3, 1.0)  # share of the noise that adds up
+    inertia: tuple = (0.0, 0.8)  # correlation of a step of the drift with the next
+    spread: tuple = (0.3, 0.8)
+    shared: tuple = (0.2, 0.8)  # share of the noise that neighbours have in common
     late: tuple = (0.1, 0.5)  # share of the tracks that begin after the first frame
     life: tuple | None = (8, 80)  # mean, in frames; None: as long as the scene
     whole: bool = False  # only tracks that are seen in all frames
@@ -243,7 +244,7 @@ def _as_thing(camera, rotations, positions, surface, radius):
 
 def _street(settings, rng):
     n_frames = settings.n_frames
-    speed = 0.05 if rng.uniform() < 0.1 else _log_uniform(rng, 0.1, 1.3)  # m per frame
+    speed = 0.05 if rng.uniform() < 0.1 else _log_uniform(rng, 0.08, 1.0)  # m per frame
     pace = speed * (1 + 0.15 * smooth(n_frames, rng, 1))
     steps = pace * [[0.0, 0.0, 1.0]]
     steps[:, :2] += 0.005 * rng.standard_normal((n_frames, 2))
@@ -302,7 +303,7 @@ def _still(settings, rng):
 
 def _table(settings, rng):
     moves = rng.uniform() < 0.75
-    flow = _log_uniform(rng, 0.002, 0.012)
+    flow = _log_uniform(rng, 0.003, 0.018)
     if moves:
         camera = _hand_held_camera(settings, rng, 1.0, flow)
     else:
@@ -316,8 +317,8 @@ def _table(settings, rng):
             rng,
             depth=(0.8, 1.1),
             extent=(0.08, 0.2),
-            flow=(0.001, 0.008),
-            spin=(0.1, 2.0),
+            flow=(0.0015, 0.015),
+            spin=(0.1, 3.0),
             along=0.4,
             shape="box",
         )
@@ -446,7 +447,7 @@ def _moved_about(settings, rng, angle, shift):
 
 
 def _two_images(settings, rng):
-    camera, draw = _moved_about(settings, rng, 25, 0.25)
+    camera, draw = _moved_about(settings, rng, 30, 0.35)
     surface = in_view(camera, _clutter(1.0, 1.6, rng))
     return camera, surface if rng.uniform() < 0.4 else None, draw
 
@@ -490,7 +491,18 @@ _KITTI = ((1242, 375), (1226, 370), (1280, 720))
 
 _FAMILIES = {
     "street": _Family(
-        _street, (100, 3000), (8, 30), (2, 6), focal=(0.6, 1.2), sizes=_KITTI
+        _street,
+        (100, 3000),
+        (8, 30),
+        (2, 6),
+        noise=(0.05, 0.25),
+        drift=(0.6, 1.0),
+        inertia=(0.5, 0.85),
+        spread=(0.4, 0.8),
+        late=(0.1, 0.4),
+        life=(15, 100),
+        focal=(0.6, 1.2),
+        sizes=_KITTI,
     ),
     "still_camera": _Family(_still, (60, 2000), (8, 60), (2, 5), (0.3, 0.9)),
     "table": _Family(
@@ -500,11 +512,25 @@ _FAMILIES = {
         (2, 4),
         (0.3, 0.7),
         outliers=(0.0, 0.1),
+        noise=(0.02, 0.12),
+        drift=(0.4, 1.0),
+        inertia=(0.2, 0.8),
+        spread=(0.3, 0.7),
         whole=True,
         focal=(1.0, 2.0),
         sizes=((640, 480),),
     ),
-    "hand_held": _Family(_hand_held, (80, 2000), (10, 80), (2, 5), life=(8, 40)),
+    "hand_held": _Family(
+        _hand_held,
+        (80, 2000),
+        (10, 80),
+        (2, 5),
+        noise=(0.08, 0.5),
+        drift=(0.2, 0.8),
+        inertia=(0.0, 0.8),
+        spread=(0.2, 0.6),
+        life=(20, 200),
+    ),
     "planar": _Family(_planar, (60, 1000), (8, 40), (2, 5), (0.3, 0.8)),
     "rotation": _Family(_rotation, (60, 1500), (8, 40), (2, 5)),
     "articulated": _Family(_articulated, (80, 1500), (12, 50), (3, 5), (0.3, 0.8)),
@@ -517,7 +543,7 @@ _FAMILIES = {
         (0.2, 0.5),
         outliers=(0.0, 0.75),
         kinds=(0.0, 0.0, 0.0, 1.0),
-        noise=(0.3, 1.2),
+        noise=(0.6, 2.5),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         life=None,
@@ -531,11 +557,11 @@ _FAMILIES = {
         (0.3, 0.7),
         outliers=(0.0, 0.4),
         kinds=(0.0, 0.2, 0.0, 0.8),
-        noise=(0.4, 2.0),
+        noise=(0.8, 5.0),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         life=None,
-        seen=(0.3, 0.6),
+        seen=(0.15, 0.4),
         sizes=((1280, 960), (1600, 1200), (3000, 2000)),
     ),
     "long": _Family(
@@ -544,7 +570,9 @@ _FAMILIES = {
         (60, 200),
         (2, 5),
         outliers=(0.0, 0.3),
-        drift=(0.1, 0.6),
+        drift=(0.2, 0.8),
+        inertia=(0.0, 0.8),
+        spread=(0.2, 0.6),
         late=(0.8, 0.95),
         life=(20, 40),
     ),
@@ -571,8 +599,19 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
-    *("drift", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
+    *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
 )
+_BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
+    "n_tracks": (1, np.inf),
+    "n_frames": (2, np.inf),
+    "n_motions": (1, np.inf),
+    "outliers": (0, 0.9),
+    "noise": (0, np.inf),
+    "spread": (0, np.inf),
+    "life": (1, np.inf),
+    "focal": (0.1, np.inf),
+}
+_NOISES = ("noise", "drift", "inertia", "spread", "shared")
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
 _LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life")
 
@@ -625,7 +664,8 @@ def make_scene(
         (share of the tracks that follow a motion), ``outliers`` (share of all
         tracks), ``noise`` (standard deviation of a coordinate one frame after the
         track begins, pixels), ``drift`` (share of its variance that adds up from
-        frame to frame), ``spread`` (standard deviation over tracks of the logarithm
+        frame to frame), ``inertia`` (correlation of what is added with what was added
+        the frame before), ``spread`` (standard deviation over tracks of the logarithm
         of their noise), ``shared`` (share of the noise that neighbours have in
         common), ``late`` (share of the tracks that begin after the first frame),
         ``life`` (mean number of frames after which a track is lost), ``seen`` (share
@@ -701,12 +741,18 @@ def _draw_settings(family, overrides, rng):
     settings = Bunch()
     sizes = chosen.sizes
     size = overrides.get("image_size", sizes[rng.randint(len(sizes))])
-    settings.image_size = np.asarray(size, dtype=float)
+    settings.image_size = _as_image_size(size)
     for name in _RANGES:
         given = overrides.get(name, getattr(chosen, name))
         settings[name] = _draw_setting(name, given, rng)
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0
+    n_inliers = settings.n_tracks - round(settings.outliers * settings.n_tracks)
+    if n_inliers < settings.n_motions:
+        raise ValueError(
+            f"{n_inliers} tracks that are no outliers are too few for "
+            f"{settings.n_motions} motions"
+        )
     settings.focal *= settings.image_size[0]
     if settings.n_motions > 1 and settings.background is not None:
         # Leave a hundredth at least to each of the others.
@@ -720,11 +766,7 @@ def _draw_setting(name, given, rng):
     uniform = rng.uniform()
     if given is None:
         return None
-    low, high = given if np.ndim(given) else (given, given)
-    if not 0 <= low <= high:
-        raise ValueError(
-            f"{name} must be a number or (low, high), not negative; got {given}"
-        )
+    low, high = _as_range(name, given)
     if name in _WHOLE_NUMBERS:
         low, high = low - 0.49, high + 0.49
     if name in _LOGARITHMIC and low > 0:
@@ -732,6 +774,29 @@ def _draw_setting(name, given, rng):
     else:
         value = low + (high - low) * uniform
     return round(value) if name in _WHOLE_NUMBERS else float(value)
+
+
+def _as_range(name, given):
+    least, most = _BOUNDS[name]
+    try:
+        low, high = map(float, given if np.ndim(given) else (given, given))
+    except (TypeError, ValueError):
+        low, high = np.nan, np.nan
+    if not low <= high < np.inf:
+        raise ValueError(f"{name} must be a number or (low, high); got {given!r}")
+    if low < least or high > most:
+        limits = f"{least:g} or more" if most == np.inf else f"in [{least:g}, {most:g}]"
+        raise ValueError(f"{name} must be {limits}; got {given!r}")
+    return low, high
+
+
+def _as_image_size(given):
+    size = np.asarray(given, dtype=float)
+    if size.shape != (2,) or not (size > 0).all():
+        raise ValueError(
+            f"image_size must be (width, height), in pixels above 0; got {given!r}"
+        )
+    return size
 
 
 def _draw_things(camera, surface, draw, settings, chosen, rng):
@@ -744,7 +809,9 @@ def _draw_things(camera, surface, draw, settings, chosen, rng):
         probes.append(_probe(things[0], camera, settings, chosen, rng))
     while len(things) < settings.n_motions:
         best = None
-        for _ in range(N_DRAWS):
+        for attempt in range(4 * N_DRAWS):
+            if attempt >= N_DRAWS and best[0] >= 0.1:  # seen, at least
+                break
             thing = draw(things)
             probe = _probe(thing, camera, settings, chosen, rng)
             merit = _merit(thing, probe, things, probes, camera, settings)
@@ -770,7 +837,8 @@ def _merit(thing, probe, things, probes, camera, settings):
     if share < PROBES_SEEN:
         return 0.1 * share / PROBES_SEEN
     length = probe[1].sum(axis=1).mean()
-    noise = settings.noise * np.sqrt(1 + settings.drift * length / 6)
+    growth = settings.drift * length / 6 * (1 + settings.inertia)
+    noise = settings.noise * np.sqrt(1 + growth)
     apart = np.inf
     if things:
         theirs = misfits(*probe, [other.motion for other in things], camera, 2)
@@ -843,14 +911,16 @@ def _group_sizes(n_tracks, n_motions, has_background, settings, rng):
         shares = np.array([settings.background, *(1 - settings.background) * rest])
     smallest = min(MIN_GROUP, n_tracks // n_motions)
     sizes = np.maximum(np.floor(shares * n_tracks).astype(int), smallest)
-    sizes[sizes.argmax()] += n_tracks - sizes.sum()
+    sizes[sizes.argmax()] += max(n_tracks - sizes.sum(), 0)
+    for _ in range(sizes.sum() - n_tracks):
+        sizes[sizes.argmax()] -= 1
     return sizes
 
 
 def _fill(thing, size, share, occluders, camera, settings, chosen, rng):
     """``size`` tracks of a thing that are seen, fewer only if hardly any is."""
     found, n_found = [], 0
-    for _ in range(12):
+    for _ in range(30):
         n_more = int((size - n_found) / share * 1.1) + 8
         n_more = min(n_more, 20 * size + 200)
         points, _, _, seen = _track(
@@ -870,7 +940,7 @@ def _fill(thing, size, share, occluders, camera, settings, chosen, rng):
 def _film(family, camera, things, shares, has_background, settings, chosen, rng):
     n_motions = len(things)
     n_outliers = round(settings.outliers * settings.n_tracks)
-    n_inliers = max(settings.n_tracks - n_outliers, n_motions)
+    n_inliers = settings.n_tracks - n_outliers
     sizes = _group_sizes(n_inliers, n_motions, has_background, settings, rng)
     extra = rng.multinomial(n_outliers, sizes / sizes.sum())
     objects = range(int(has_background), n_motions)
@@ -900,7 +970,7 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
-    noise = [settings[name] for name in ("noise", "drift", "spread", "shared")]
+    noise = [settings[name] for name in _NOISES]
     errors = tracker_noise(points, seen, *noise, rng)
     motions = [things[motion].motion for motion in order]
     separations, separation = _separation(
