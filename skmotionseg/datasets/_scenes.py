@@ -109,13 +109,18 @@ def _hand_held_camera(settings, rng, depth=1.0, flow=None):
     return _camera(settings, rng, steps, turns)
 
 
-def _orbiting_camera(settings, rng, depth, angle):
-    """Looks at a spot from directions that differ by about ``angle`` radians."""
+def _orbiting_camera(settings, rng, depth, angle, astray):
+    """Looks at a spot from directions that differ by about ``angle`` radians.
+
+    ``astray`` is by how much it misses the spot, radians.
+    """
     n_frames = settings.n_frames
     rotations = rotation_matrices(angle * rng.standard_normal((n_frames, 3)) * 0.7)
     back = rotations[:, :, 2] * depth * rng.uniform(0.9, 1.1, size=(n_frames, 1))
     positions = [0, 0, depth] - back
     positions = positions + 0.03 * depth * rng.standard_normal((n_frames, 3))
+    aim = astray * rng.standard_normal((n_frames, 3)) * [0.5, 1.0, 0.0]
+    rotations = rotations @ rotation_matrices(aim)
     return Camera(rotations, positions, settings.focal, settings.image_size)
 
 
@@ -426,9 +431,10 @@ def _crowd(settings, rng):
     return camera, in_view(camera, _clutter(1.0, 6.0, rng)), draw
 
 
-def _moved_about(settings, rng, angle, shift):
+def _moved_about(settings, rng, angle, shift, astray):
     """Things that somebody puts somewhere else between one picture and the next."""
-    camera = _orbiting_camera(settings, rng, 1.0, np.radians(rng.uniform(2, angle)))
+    turn = np.radians(rng.uniform(2, angle))
+    camera = _orbiting_camera(settings, rng, 1.0, turn, astray)
     n_frames = settings.n_frames
 
     def draw(placed):
@@ -447,13 +453,13 @@ def _moved_about(settings, rng, angle, shift):
 
 
 def _two_images(settings, rng):
-    camera, draw = _moved_about(settings, rng, 30, 0.35)
+    camera, draw = _moved_about(settings, rng, 30, 0.35, 0.15)
     surface = in_view(camera, _clutter(1.0, 1.6, rng))
     return camera, surface if rng.uniform() < 0.4 else None, draw
 
 
 def _photographs(settings, rng):
-    camera, draw = _moved_about(settings, rng, 25, 0.12)
+    camera, draw = _moved_about(settings, rng, 25, 0.12, 0.04)
     return camera, in_view(camera, _clutter(0.9, 1.6, rng)), draw
 
 
@@ -557,7 +563,7 @@ _FAMILIES = {
         (0.3, 0.7),
         outliers=(0.0, 0.4),
         kinds=(0.0, 0.2, 0.0, 0.8),
-        noise=(0.8, 5.0),
+        noise=(1.2, 6.0),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         life=None,
