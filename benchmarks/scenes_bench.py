@@ -29,6 +29,7 @@ from . import report
 
 HALVES = {"tune": 0, "report": 1}  # remainder of the seed
 SEPARATION = 0.98
+WORST_SEPARATION = 0.9  # of the motion that is hardest to tell from the others
 # Tracks and frames (low, high) with which a scene takes about a second.
 LIMITS = {
     name: {"n_tracks": (60, 250), "n_frames": (8, 20)} for name in scene_families()
@@ -59,7 +60,8 @@ def scenes_of(
     family : str
     half : {"tune", "report"}
     separation : float
-        Least share of tracks that their own motion explains best.
+        Least share of tracks that their own motion explains best; of each motion,
+        nine in ten must be.
     **overrides
         For ``make_scene``, instead of ``LIMITS``.
 
@@ -72,7 +74,8 @@ def scenes_of(
         raise ValueError(f"half must be one of {tuple(HALVES)}; got {half!r}")
     for seed in count(HALVES[half], 2):
         scene = make_scene(family, random_state=seed, **(LIMITS[family] | overrides))
-        if scene.separation >= separation:
+        worst = min(scene.separations)
+        if scene.separation >= separation and worst >= WORST_SEPARATION:
             scene.seed = seed
             yield scene
 

@@ -40,7 +40,7 @@ def test_a_scene_is_as_described(family, seed):
     sizes = np.bincount(scene.target[scene.target >= 0])
     assert len(sizes) == scene.n_motions == scene.settings["n_motions"]
     assert (np.diff(sizes) <= 0).all()
-    assert sizes.min() >= min(8, sizes.sum() // len(sizes))
+    assert sizes.min() >= min(10, sizes.sum() // len(sizes))
     assert scene.rotations.shape == (scene.n_motions, n_frames, 3, 3)
     assert scene.translations.shape == (scene.n_motions, n_frames, 3)
     assert -1 <= scene.background < scene.n_motions
@@ -70,6 +70,17 @@ def test_numbers_and_ranges_override_what_is_drawn(family):
     seeds = range(5)
     drawn = [scene_of(family, seed, noise=(0.5, 0.6)).settings for seed in seeds]
     assert all(0.5 <= settings["noise"] <= 0.6 for settings in drawn)
+
+
+def test_families_differ_though_the_seed_is_one():
+    drawn = {scene_of(family).settings["n_tracks"] for family in scene_families()}
+    assert len(drawn) > 5
+
+
+def test_motions_have_tracks_enough_unless_their_number_is_asked_for():
+    counts = [scene_of("street", s, n_tracks=60, outliers=0.2) for s in range(8)]
+    assert max(scene.n_motions for scene in counts) == 2
+    assert scene_of("street", n_tracks=60, outliers=0.2, n_motions=5).n_motions == 5
 
 
 def test_families_by_number_of_frames():

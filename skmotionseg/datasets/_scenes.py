@@ -33,7 +33,8 @@ from ._scene_tracks import (
     wrong_tracks,
 )
 
-MIN_GROUP = 8  # tracks of the smallest motion
+MIN_GROUP = 10  # tracks of the smallest motion
+PER_MOTION = 20  # tracks: no more motions are drawn than can have as many
 N_PROBES = 40  # points that stand for a motion while it is drawn
 N_DRAWS = 12  # of an object, until it is seen and differs from those before
 PROBES_SEEN = 0.15  # share of the probes
@@ -666,18 +667,18 @@ def make_scene(
     random_state : int, RandomState instance or None, default=None
     **overrides : number or (low, high)
         What is not to be drawn from the range of the family, or from another range:
-        ``n_tracks`` (outliers included), ``n_frames``, ``n_motions``, ``background``
-        (share of the tracks that follow a motion), ``outliers`` (share of all
-        tracks), ``noise`` (standard deviation of a coordinate one frame after the
-        track begins, pixels), ``drift`` (share of its variance that adds up from
-        frame to frame), ``inertia`` (correlation of what is added with what was added
-        the frame before), ``spread`` (standard deviation over tracks of the logarithm
-        of their noise), ``shared`` (share of the noise that neighbours have in
-        common), ``late`` (share of the tracks that begin after the first frame),
-        ``life`` (mean number of frames after which a track is lost), ``seen`` (share
-        of the frames a point is found in, unordered photographs only), ``gaps``
-        (share of tracks with a gap) and ``focal`` (image widths); ``image_size`` is
-        (width, height) in pixels.
+        ``n_tracks`` (outliers included), ``n_frames``, ``n_motions`` (of a range, no
+        more than can have 20 tracks each), ``background`` (share of the tracks that
+        follow a motion), ``outliers`` (share of all tracks), ``noise`` (standard
+        deviation of a coordinate one frame after the track begins, pixels), ``drift``
+        (share of its variance that adds up from frame to frame), ``inertia``
+        (correlation of what is added with what was added the frame before),
+        ``spread`` (standard deviation over tracks of the logarithm of their noise),
+        ``shared`` (share of the noise that neighbours have in common), ``late`` (share
+        of the tracks that begin after the first frame), ``life`` (mean number of
+        frames after which a track is lost), ``seen`` (share of the frames a point is
+        found in, unordered photographs only), ``gaps`` (share of tracks with a gap)
+        and ``focal`` (image widths); ``image_size`` is (width, height) in pixels.
 
     Returns
     -------
@@ -721,11 +722,14 @@ def make_scene(
     >>> scene.data.shape
     (200, 20)
     >>> scene.n_motions, int(scene.target.max())
-    (6, 5)
+    (3, 2)
     """
     if family not in _FAMILIES:
         raise ValueError(f"family must be one of {SCENE_FAMILIES}; got {family!r}")
     rng = check_random_state(random_state)
+    # Of its own, lest all families have as many tracks and motions with one seed.
+    streams = rng.randint(2**31 - 1, size=len(SCENE_FAMILIES))
+    rng = np.random.RandomState(streams[SCENE_FAMILIES.index(family)])
     settings = _draw_settings(family, overrides, rng)
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
@@ -754,6 +758,10 @@ def _draw_settings(family, overrides, rng):
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0
     n_inliers = settings.n_tracks - round(settings.outliers * settings.n_tracks)
+    if np.ndim(overrides.get("n_motions", chosen.n_motions)):
+        fewest = overrides.get("n_motions", chosen.n_motions)[0]
+        most = max(n_inliers // PER_MOTION, fewest)
+        settings.n_motions = min(settings.n_motions, most)
     if n_inliers < settings.n_motions:
         raise ValueError(
             f"{n_inliers} tracks that are no outliers are too few for "
@@ -957,7 +965,7 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
         size = sizes[motion] + extra[motion]
         share, options = shares[motion], (camera, settings, chosen, rng)
         filled = _fill(thing, size, share, others, *options)
-        if len(filled[0]) < min(size, MIN_GROUP):  # hidden: then nothing hides it
+        if len(filled[0]) < size:  # hidden: then nothing hides it
             filled = _fill(thing, size, share, [], *options)
         points.append(filled[0])
         seen.append(filled[1])
@@ -1042,7 +1050,7 @@ def _separation(points, seen, target, motions, camera, rng):
     kept = np.concatenate(
         [np.flatnonzero(target == motion)[:quota] for motion in range(len(motions))]
     )
-    gaps = misfits(points[kept], seen[kept], motions, camera)
+    gaps = misfits(points[kept], seen[kept], motions, camera, 2)
     best = gaps.argmin(axis=0) == target[kept]
     shares = np.array(
         [best[target[kept] == motion].mean() for motion in range(len(motions))]
