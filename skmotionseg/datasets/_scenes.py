@@ -506,7 +506,7 @@ _FAMILIES = {
         drift=(0.6, 1.0),
         inertia=(0.5, 0.85),
         spread=(0.4, 0.8),
-        late=(0.1, 0.4),
+        late=(0.15, 0.5),
         life=(15, 100),
         focal=(0.6, 1.2),
         sizes=_KITTI,
@@ -537,11 +537,14 @@ _FAMILIES = {
         inertia=(0.0, 0.8),
         spread=(0.2, 0.6),
         life=(20, 200),
+        gaps=(0.0, 0.15),
     ),
     "planar": _Family(_planar, (60, 1000), (8, 40), (2, 5), (0.3, 0.8)),
     "rotation": _Family(_rotation, (60, 1500), (8, 40), (2, 5)),
     "articulated": _Family(_articulated, (80, 1500), (12, 50), (3, 5), (0.3, 0.8)),
-    "crowd": _Family(_crowd, (200, 3000), (10, 40), (6, 8), (0.2, 0.6)),
+    "crowd": _Family(
+        _crowd, (200, 3000), (10, 40), (6, 8), (0.2, 0.6), gaps=(0.0, 0.15)
+    ),
     "two_images": _Family(
         _two_images,
         (80, 800),
@@ -582,6 +585,7 @@ _FAMILIES = {
         spread=(0.2, 0.6),
         late=(0.8, 0.95),
         life=(20, 40),
+        gaps=(0.0, 0.15),
     ),
     "one_motion": _Family(
         _one_motion,
