@@ -322,14 +322,19 @@ def table(sequences, length):
 
 
 def show_line(name, values):
-    with warnings.catch_warnings():  # no figure of a sequence may be there
-        warnings.simplefilter("ignore", RuntimeWarning)
-        low, middle, high = np.nanpercentile(values, [10, 50, 90], axis=0)
+    low, middle, high = _percentiles(values, [10, 50, 90])
     cells = (
         f"{_short(m)} ({_short(a)}-{_short(b)})"
         for a, m, b in zip(low, middle, high, strict=True)
     )
     print(f"{name:13s}" + "".join(f"{cell:>17s}" for cell in cells), flush=True)
+
+
+def _percentiles(values, shares):
+    """Of each column (n_shares, n_columns), NaN where no sequence has a figure."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return np.nanpercentile(values, shares, axis=0)
 
 
 def _short(value):
@@ -359,7 +364,7 @@ def main(arguments=None):
     rows |= table(made, arguments.frames)
     if arguments.json:
         medians = {
-            name: dict(zip(COLUMNS, np.nanmedian(values, axis=0), strict=True))
+            name: dict(zip(COLUMNS, _percentiles(values, [50])[0], strict=True))
             for name, values in rows.items()
         }
         arguments.json.write_text(json.dumps(medians, indent=1))

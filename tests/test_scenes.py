@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import islice
 
 import numpy as np
@@ -292,6 +293,27 @@ def test_failures_are_counted_and_the_rest_goes_on(capsys):
     assert all(row["known"] == 1 and not row["right"] for row in rows)
     scenes_bench.show(rows)
     assert "4 failed" in capsys.readouterr().out
+
+
+def test_both_commands_print_a_line_per_family_and_keep_it(tmp_path, capsys):
+    families = ["--scenes", "1", "--families", "two_images", "--json"]
+    scenes_bench.main([*families, str(tmp_path / "bench.json"), "--known"])
+    first, line, mean = capsys.readouterr().out.splitlines()
+    assert first.split() == [
+        *("family", "scenes", "known", "unknown"),
+        *("right", "rejected", "seconds"),
+    ]
+    assert line.split()[:2] == ["two_images", "1"]
+    assert mean.split()[:2] == ["all", "1"]
+    (kept,) = json.loads((tmp_path / "bench.json").read_text())["scenes"]
+    assert kept["row"] == "two_images tune"
+    assert "known" in kept and "unknown" not in kept
+
+    scene_statistics.main([*families, str(tmp_path / "statistics.json")])
+    line = capsys.readouterr().out.splitlines()[1]
+    assert line.startswith("two_images")
+    kept = json.loads((tmp_path / "statistics.json").read_text())
+    assert kept["two_images"]["frames"] == 2
 
 
 def test_statistics_find_the_noise_that_was_put_in():
