@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks import scene_statistics, scenes_bench
 from skmotionseg.datasets import make_scene, scene_families
-from skmotionseg.datasets._scene_geometry import Camera, Motion, misfits, project
+from skmotionseg.datasets._scene_geometry import Camera, Motion, misfits
 from skmotionseg.datasets._scene_tracks import lifetimes, tracker_noise, with_gaps
 
 SMALL = {"n_tracks": (60, 150)}
@@ -161,13 +161,14 @@ def test_misfit_is_the_distance_to_the_nearest_image():
         ray = (track[4] - scene.image_size / 2) / scene.focal
 
         def gaps(p, ray=ray, track=track):
-            there = np.array([ray[0] + p[0], ray[1] + p[1], 1]) / np.exp(p[2])
-            local = there - motion.translations[4]
-            point = local @ motion.rotations[4]
-            return (project(point[None], motion, camera)[0][0] - track).ravel()
+            # The inverse depth p[2] may be below zero: points beyond infinity count.
+            turned = motion.rotations @ motion.rotations[4].T
+            moved = motion.translations - turned @ motion.translations[4]
+            seen = turned @ [ray[0] + p[0], ray[1] + p[1], 1] + p[2] * moved
+            image = scene.focal * seen[:, :2] / seen[:, 2:] + scene.image_size / 2
+            return (image - track).ravel()
 
-        starts = np.log([0.1, 0.5, 1, 2])
-        best = min(least_squares(gaps, [0, 0, s]).cost for s in starts)
+        best = min(least_squares(gaps, [0, 0, s]).cost for s in (0.1, 0.5, 1, 2))
         assert misfit == pytest.approx(np.sqrt(2 * best / 8), rel=0.02)
 
 

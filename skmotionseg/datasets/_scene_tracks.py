@@ -107,11 +107,11 @@ def _neighbours_draw_alike(points, rng, n_waves=16):
     """Draw for all tracks from normal distributions that vary smoothly over the image.
 
     The first place of a track counts; the distance over which draws are alike is
-    random, from a thirtieth to a seventh of the image.
+    random, from a sixteenth to a quarter of the image.
     """
     first = points[:, 0] - points[:, 0].min(axis=0)
     first = first / max(first.max(), 1e-9)
-    reach = np.exp(rng.uniform(np.log(0.03), np.log(0.15)))
+    reach = np.exp(rng.uniform(np.log(0.06), np.log(0.25)))
     angles = first @ (rng.standard_normal((2, n_waves)) / reach)
     basis = np.concatenate([np.cos(angles), np.sin(angles)], axis=1) / np.sqrt(n_waves)
 

@@ -66,7 +66,7 @@ class _Family(NamedTuple):
     drift: tuple = (0.3, 1.0)  # share of the noise that adds up
     inertia: tuple = (0.0, 0.8)  # correlation of a step of the drift with the next
     spread: tuple = (0.3, 0.8)
-    shared: tuple = (0.2, 0.8)  # share of the noise that neighbours have in common
+    shared: tuple = (0.3, 0.9)  # share of the noise that neighbours have in common
     late: tuple = (0.1, 0.5)  # share of the tracks that begin after the first frame
     life: tuple | None = (8, 80)  # mean, in frames; None: as long as the scene
     whole: bool = False  # only tracks that are seen in all frames
@@ -250,7 +250,7 @@ def _as_thing(camera, rotations, positions, surface, radius):
 
 def _street(settings, rng):
     n_frames = settings.n_frames
-    speed = 0.05 if rng.uniform() < 0.1 else _log_uniform(rng, 0.08, 1.0)  # m per frame
+    speed = 0.05 if rng.uniform() < 0.1 else _log_uniform(rng, 0.06, 0.8)  # m per frame
     pace = speed * (1 + 0.15 * smooth(n_frames, rng, 1))
     steps = pace * [[0.0, 0.0, 1.0]]
     steps[:, :2] += 0.005 * rng.standard_normal((n_frames, 2))
@@ -502,7 +502,7 @@ _FAMILIES = {
         (100, 3000),
         (8, 30),
         (2, 6),
-        noise=(0.05, 0.25),
+        noise=(0.04, 0.2),
         drift=(0.6, 1.0),
         inertia=(0.5, 0.85),
         spread=(0.4, 0.8),
@@ -553,7 +553,7 @@ _FAMILIES = {
         (0.2, 0.5),
         outliers=(0.0, 0.75),
         kinds=(0.0, 0.0, 0.0, 1.0),
-        noise=(0.6, 2.5),
+        noise=(0.5, 2.0),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         life=None,
