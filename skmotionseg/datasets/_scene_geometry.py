@@ -1,0 +1,255 @@
+"""Rigid motions before a camera: paths, surfaces, projection and what fits a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+NEAREST = 0.2  # depth below which nothing is seen
+RIDGE = 1e-12  # keeps the inverse depth finite where there is no parallax
+
+
+class Camera(NamedTuple):
+    """Where a camera is in each frame, and what it does to points."""
+
+    rotations: np.ndarray  # (n_frames, 3, 3), camera to world
+    positions: np.ndarray  # (n_frames, 3)
+    focal: float  # pixels
+    size: np.ndarray  # (2,): width and height, pixels
+
+
+class Motion(NamedTuple):
+    """A rigid motion as the camera sees it: ``rotations @ point + translations``."""
+
+    rotations: np.ndarray  # (n_frames, 3, 3)
+    translations: np.ndarray  # (n_frames, 3)
+
+
+# points (n, 3) in the coordinates of the thing, drawn for the frames (n,) in which
+# their tracks begin: surface(frames, rng)
+Surface = Callable[[np.ndarray, np.random.RandomState], np.ndarray]
+
+
+# ------------------------------------------------------------------------------- paths
+
+
+def rotation_matrices(vectors):
+    """Matrices (n, 3, 3) of rotation vectors (n, 3), radians."""
+    return Rotation.from_rotvec(vectors).as_matrix()
+
+
+def direction(rng):
+    """A random unit vector (3,)."""
+    vector = rng.standard_normal(3)
+    return vector / np.linalg.norm(vector)
+
+
+def smooth(n_frames, rng, n_columns=3, period=40.0):
+    """Smooth random functions of time (n_frames, n_columns), of variance about 1."""
+    frames = np.arange(n_frames)[:, None, None]
+    periods = period * rng.uniform(0.5, 2.0, size=(1, n_columns, 3))
+    phases = rng.uniform(0, 2 * np.pi, size=(1, n_columns, 3))
+    waves = np.sin(2 * np.pi * frames / periods + phases)
+    return np.sqrt(2 / 3) * waves.sum(axis=2)
+
+
+def seen_from(camera, rotations, positions):
+    """The motion of a thing with this path in the world, as the camera sees it."""
+    to_camera = camera.rotations.transpose(0, 2, 1)
+    offsets = (positions - camera.positions)[:, :, None]
+    return Motion(to_camera @ rotations, (to_camera @ offsets)[:, :, 0])
+
+
+def background_motion(camera):
+    """The motion of what stands still in the world."""
+    n_frames = len(camera.positions)
+    return seen_from(camera, np.eye(3)[None], np.zeros((n_frames, 3)))
+
+
+# ---------------------------------------------------------------------------- surfaces
+
+
+def in_view(camera, depth_of):
+    """Static points along rays through the image in the frames their tracks begin.
+
+    Parameters
+    ----------
+    camera : Camera
+    depth_of : callable
+        Of rays (n, 2), in focal lengths, their frames (n,) and a generator; gives
+        depths (n,).
+    """
+
+    def surface(frames, rng):
+        rays = (rng.uniform(size=(len(frames), 2)) - 0.5) * camera.size / camera.focal
+        depths = depth_of(rays, frames, rng)
+        local = np.column_stack([rays, np.ones(len(rays))]) * depths[:, None]
+        turned = np.einsum("nij,nj->ni", camera.rotations[frames], local)
+        return turned + camera.positions[frames]
+
+    return surface
+
+
+def box(sides, eye=None):
+    """Points on the faces of a box about the origin, of those that face ``eye``."""
+    sides = np.asarray(sides, dtype=float)
+
+    def surface(frames, rng):
+        n = len(frames)
+        points = rng.uniform(-0.5, 0.5, size=(n, 3))
+        areas = sides.prod() / sides
+        axes = rng.choice(3, size=n, p=areas / areas.sum())
+        ends = rng.choice([-0.5, 0.5], size=n)
+        if eye is not None:  # the face of the two that looks this way
+            ends = np.where(eye[axes] > 0, 0.5, -0.5)
+        points[np.arange(n), axes] = ends
+        return points * sides
+
+    return surface
+
+
+def blob(radii):
+    """Points on and below the skin of an ellipsoid about the origin."""
+
+    def surface(frames, rng):
+        points = rng.standard_normal((len(frames), 3))
+        points /= np.linalg.norm(points, axis=1, keepdims=True)
+        return points * rng.uniform(0.7, 1.0, size=(len(frames), 1)) * radii
+
+    return surface
+
+
+def sheet(width, height):
+    """Points of a rectangle about the origin, in the plane of x and y."""
+
+    def surface(frames, rng):
+        points = rng.uniform(-0.5, 0.5, size=(len(frames), 3))
+        return points * [width, height, 0.0]
+
+    return surface
+
+
+# -------------------------------------------------------------------------- projection
+
+
+def project(points, motion, camera):
+    """Pixels (n, n_frames, 2) and depths (n, n_frames) of points (n, 3) that move."""
+    n_frames = len(motion.translations)
+    flat = motion.rotations.reshape(3 * n_frames, 3)
+    seen = points @ flat.T + motion.translations.reshape(-1)
+    seen = seen.reshape(len(points), n_frames, 3)
+    depths = seen[..., 2]
+    pixels = camera.focal * seen[..., :2] / np.maximum(depths, NEAREST)[..., None]
+    return pixels + camera.size / 2, depths
+
+
+def misfits(points, seen, motions, camera, n_rounds=3):
+    """How far tracks are from what each motion can explain with the best depth.
+
+    A track is the image of some point under the motion: two numbers for its place in
+    one frame and its inverse depth there, found by least squares, each equation
+    weighted by the depth of the round before.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels; any number where unseen.
+    seen : ndarray of bool, shape (n_tracks, n_frames)
+        In one frame at least.
+    motions : sequence of Motion
+    camera : Camera
+    n_rounds : int
+
+    Returns
+    -------
+    misfits : ndarray of shape (n_motions, n_tracks)
+        Root of the mean squared distance over the frames seen, pixels.
+    """
+    seen = np.asarray(seen, dtype=float)
+    rays = np.where(seen[..., None] > 0, points - camera.size / 2, 0) / camera.focal
+    count = seen.sum(axis=1)
+    # The frame in the middle of those in which the track is seen.
+    reference = (seen.cumsum(axis=1) < (count[:, None] + 1) / 2).sum(axis=1)
+    fitted = _squared_misfits(rays, seen, reference, _rescaled(motions), n_rounds)
+    return camera.focal * np.sqrt(fitted / count)
+
+
+def _rescaled(motions):
+    """The same motions with coordinates that begin in the middle frame, of size 1."""
+    rotations = np.array([motion.rotations for motion in motions])
+    translations = np.array([motion.translations for motion in motions])
+    middle = translations.shape[1] // 2
+    rotations = rotations @ rotations[:, [middle]].transpose(0, 1, 3, 2)
+    start = translations[:, [middle], :, None]
+    offsets = translations - (rotations @ start)[..., 0]
+    sizes = np.sqrt((offsets**2).mean(axis=(1, 2), keepdims=True))
+    return Motion(rotations, offsets * (sizes > 1e-9) / np.maximum(sizes, 1e-9))
+
+
+def _squared_misfits(rays, seen, reference, motions, n_rounds):
+    n_tracks, n_frames = seen.shape
+    cameras = np.concatenate(
+        [motions.rotations, motions.translations[..., None]], axis=3
+    )  # (n_motions, n_frames, 3, 4)
+    first, second, third = np.moveaxis(cameras, 2, 0)
+    # Sums over frames of outer products, as matrix products.
+    square, with_x, with_y, rest = (
+        each.reshape(-1, n_frames, 16)
+        for each in (
+            _outer(third, third),
+            _outer(third, first) + _outer(first, third),
+            _outer(third, second) + _outer(second, third),
+            _outer(first, first) + _outer(second, second),
+        )
+    )
+    basis, start = _point_basis(rays, reference, motions)
+    x, y = rays[..., 0], rays[..., 1]
+    all_cameras = cameras.reshape(len(cameras), -1, 4).transpose(0, 2, 1)
+    depths = np.ones((len(cameras), n_tracks, n_frames))
+    for _ in range(n_rounds):
+        weights = seen / np.maximum(np.abs(depths), 1e-2) ** 2
+        normal = (weights * (x**2 + y**2)) @ square + weights @ rest
+        normal -= (weights * x) @ with_x + (weights * y) @ with_y
+        normal = normal.reshape(-1, n_tracks, 4, 4)
+        sided = basis.swapaxes(-1, -2) @ normal  # (n_motions, n_tracks, 3, 4)
+        left = sided @ basis
+        trace = np.trace(left, axis1=-2, axis2=-1)[..., None, None]
+        left += (RIDGE * trace + 1e-300) * np.eye(3)
+        solved = np.linalg.solve(left, -sided @ start[..., None])
+        homogeneous = start + (basis @ solved)[..., 0]  # (n_motions, n_tracks, 4)
+        images = homogeneous @ all_cameras
+        images = images.reshape(-1, n_tracks, n_frames, 3)
+        depths = images[..., 2]
+    divisor = np.where(np.abs(depths) < 1e-2, 1e-2, depths)
+    gaps_x, gaps_y = images[..., 0] / divisor - x, images[..., 1] / divisor - y
+    return (seen * (gaps_x**2 + gaps_y**2)).sum(axis=2)
+
+
+def _outer(a, b):
+    return a[..., :, None] * b[..., None, :]
+
+
+def _point_basis(rays, reference, motions):
+    """Homogeneous points on the rays near that of the reference frame.
+
+    Returns
+    -------
+    basis : ndarray of shape (n_motions, n_tracks, 4, 3)
+        What one more unit of x, y and inverse depth in the reference frame changes.
+    start : ndarray of shape (n_motions, n_tracks, 4)
+        The point at infinity on the ray.
+    """
+    n_tracks = len(rays)
+    back = motions.rotations[:, reference].swapaxes(-1, -2)
+    basis = np.zeros((*back.shape[:2], 4, 3))
+    basis[..., :3, :2] = back[..., :2]
+    offsets = motions.translations[:, reference][..., None]
+    basis[..., :3, 2] = -(back @ offsets)[..., 0]
+    basis[..., 3, 2] = 1
+    ray = np.column_stack([rays[np.arange(n_tracks), reference], np.ones(n_tracks)])
+    start = np.zeros((*back.shape[:2], 4))
+    start[..., :3] = (back @ ray[..., None])[..., 0]
+    return basis, start
