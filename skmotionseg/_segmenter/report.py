@@ -256,6 +256,8 @@ def _verdict(gainless_pair, rise, tolerance, is_fewer):
         return f"motions {first} and {second} gain too little"
     if rise > tolerance:
         return f"cost higher by {rise:.2g}"
+    if rise < -tolerance:
+        return "rigid motion over many frames says otherwise"
     return f"same cost, but {'fewer' if is_fewer else 'more'} motions"
 
 

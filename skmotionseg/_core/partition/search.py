@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 
 import numpy as np
 
 from ..geometry.description_length import clip_geometry
+from ..geometry.windows import FEWEST_SEEN, Windows
 from ..graph.cuts import own_shares
 from ..graph.neighbourhood import neighbourhood_thresholds, sparsify
 from ..graph.spectral import ViewGraph, connected_tracks
@@ -16,6 +18,7 @@ from .agglomeration import merge_path
 from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
+from .rigid_search import RigidSearch, rigid_partition
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
@@ -27,6 +30,11 @@ OVERSEGMENTATION = 8
 # Tracks per over-segment, on average, below which they do not tell outliers: half of
 # them determine a fundamental matrix.
 TRACKS_PER_SEGMENT = 16
+
+# Tracks, and the share of them that some window sees often enough, below which rigid
+# motion over windows is not asked.
+FEWEST_FOR_RIGID = 40
+SHARE_IN_WINDOWS = 0.5
 
 
 @dataclass(frozen=True)
@@ -131,6 +139,7 @@ def search_partitions(
             chosen = int(refined.max()) + 1
             best[chosen] = (clip.judge.cost(refined), refined)
             gainless.pop(chosen, None)  # that was another partition
+    chosen = _prefer_rigid_motion(best, chosen, clip, counts, cluster)
     explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
@@ -142,6 +151,49 @@ def search_partitions(
         explanation,
         np.array([gainless.get(count, (-1, -1)) for count in labels]),
     )
+
+
+def _prefer_rigid_motion(best, chosen, clip, counts, cluster):
+    """The number of motions that rigid motion over windows prefers.
+
+    Its partition becomes the one of that number in ``best``.
+    """
+    n_tracks, n_frames = clip.visibility.shape
+    if n_frames < FEWEST_SEEN or n_tracks < FEWEST_FOR_RIGID or counts[-1] == 1:
+        return chosen
+    windows = Windows(clip.points, clip.visibility)
+    if np.mean(windows.freedom.any(axis=1)) < SHARE_IN_WINDOWS:
+        return chosen
+    most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), n_tracks)
+    graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
+    graphs = [graph for graph in graphs if graph.n_leading > 1]
+    if not graphs:
+        return chosen
+
+    def clustered(n_motions):
+        return [
+            _cluster(graph, n_motions, clip.affinity, cluster)
+            for graph in graphs
+            if 1 < n_motions <= graph.n_leading
+        ]
+
+    before = best[chosen][1]
+    labels = canonical_labels(
+        rigid_partition(
+            RigidSearch(windows, clip.sparse[-1].sum(axis=0)),
+            before,
+            [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs],
+            counts,
+            lambda n_motions: [
+                *clustered(n_motions),
+                *([before] if before.max() + 1 == n_motions else []),
+            ],
+            partial(_bisect, clip, cluster),
+        )
+    )
+    chosen = int(labels.max()) + 1
+    best[chosen] = (clip.judge.cost(labels), labels)
+    return chosen
 
 
 def _put(positions, values, n, other):
@@ -231,25 +283,21 @@ def _refine(labels, clip, counts, cluster):
     Motions that gain from being apart are not merged, whatever the cost.
     """
 
+    bisect = partial(_bisect, clip, cluster)
+
     def changes(labels):
         motions = fit_motions(clip.geometry, labels, clip.affinity)
         relative = clip.distances(motions) / motions.inlier_thresholds[:, None]
         return chain(
             moved(labels, relative),
             merged(labels) if mergeable(labels) else (),
-            split(labels, bisect) if labels.max() + 2 <= counts[-1] else (),
+            split(labels, partial(_bisect, clip, cluster))
+            if labels.max() + 2 <= counts[-1]
+            else (),
         )
 
     def mergeable(labels):
         return labels.max() >= counts[0] and not clip.judge.each_gains(labels)
-
-    def bisect(group):
-        views = clip.sparse[-1][:, group[:, None], group]
-        graph = ViewGraph.from_affinities(views, 2)
-        if graph.n_leading < 2:
-            return None
-        affinity = clip.affinity[np.ix_(group, group)]
-        return _cluster(graph, 2, affinity, cluster) == 1
 
     def gaining(labels):
         free = len(counts) == 1 or not clip.judge.each_gains(labels)
@@ -264,6 +312,15 @@ def _refine(labels, clip, counts, cluster):
         lambda labels: clip.judge.cost(labels).total,
         gaining,
     )
+
+
+def _bisect(clip, cluster, group):
+    """Which tracks of a group are in the smaller of two halves; None if none are."""
+    views = clip.sparse[-1][:, group[:, None], group]
+    graph = ViewGraph.from_affinities(views, 2)
+    if graph.n_leading < 2:
+        return None
+    return _cluster(graph, 2, clip.affinity[np.ix_(group, group)], cluster) == 1
 
 
 def _explain(clip, labels, segments):

@@ -1,0 +1,478 @@
+"""Rigid motion of groups of tracks before a calibrated camera, over several frames.
+
+A group moves by a rotation and a translation per frame, and each of its tracks has one
+free number: its inverse depth in the reference frame. All problems of a batch, one per
+group and window of frames, are solved at a time. Poses start from the instantaneous
+motion of Heeger and Jepson [1]_ and are refined by Levenberg-Marquardt with the depths
+eliminated (Triggs et al. [2]_, sec. 6), under a Student-t cost of each track's
+residuals, so that a track counts less the worse it fits.
+
+Coordinates are calibrated: pixels from the principal point over the focal length.
+
+References
+----------
+.. [1] D. J. Heeger and A. D. Jepson, "Subspace methods for recovering rigid motion I",
+   IJCV 7(2), 1992. https://doi.org/10.1007/BF00128130
+.. [2] B. Triggs, P. McLauchlan, R. Hartley and A. Fitzgibbon, "Bundle adjustment: a
+   modern synthesis", 1999. https://doi.org/10.1007/3-540-44480-7_21
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Directions of translation that are tried for a start, evenly over half a sphere.
+N_DIRECTIONS = 24
+# Starts of each kind (see `_starts`), and iterations from each start and from the best.
+STARTS_PER_KIND = 2
+FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
+# Degrees of freedom of the Student-t distribution of a track's residuals.
+FREEDOM = 3.0
+# A standard deviation over the median of residuals is about this.
+SCALE_OF_MEDIAN = 1.2
+# Points are kept this far, in units of the reference depth, from a camera's plane,
+# where their image is infinite.
+NEAREST = 0.05
+
+
+class Poses(NamedTuple):
+    """Camera poses relative to a group, by problem and frame.
+
+    Attributes
+    ----------
+    rotations : ndarray of shape (B, L, 3, 3)
+    translations : ndarray of shape (B, L, 3)
+        In units of the depth of which inverse depths are.
+    """
+
+    rotations: np.ndarray
+    translations: np.ndarray
+
+
+class _Problems(NamedTuple):
+    """Observations of a batch, frames before tracks."""
+
+    x: np.ndarray  # (B, L, n, 2), in all frames but the reference
+    seen: np.ndarray  # (B, L, n)
+    rays: np.ndarray  # (B, n, 3), in the reference frame
+    weights: np.ndarray  # (B, n), 0 for tracks that do not count
+    floor: np.ndarray  # (B,), least scale of residuals
+
+    @property
+    def freedom(self):
+        """Residuals per track, less its depth: (B, n)."""
+        return np.maximum(2 * self.seen.sum(axis=1) - 1, 1)
+
+    def repeated(self, times):
+        return _Problems(*(np.repeat(each, times, axis=0) for each in self))
+
+
+class _State(NamedTuple):
+    """Poses and depths of a batch, and what they leave."""
+
+    rotations: np.ndarray  # (B, L, 3, 3)
+    translations: np.ndarray  # (B, L, 3)
+    depths: np.ndarray  # (B, n), inverse
+    image: np.ndarray  # (B, L, n, 2)
+    turned: np.ndarray  # (B, L, n, 3), rays in the other frames
+    distance: np.ndarray  # (B, L, n), along the optical axis
+    residuals: np.ndarray  # (B, L, n, 2)
+    squares: np.ndarray  # (B, n), summed over the frames
+
+    def chosen(self, other, better):
+        """Of each problem the other state where it is better."""
+        return _State(
+            *(
+                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
+                for old, new in zip(self, other, strict=True)
+            )
+        )
+
+    def of(self, some):
+        """Of some of the problems."""
+        return _State(*(each[some] for each in self))
+
+
+def rotations_of(vectors):
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    small = angle < 1e-8
+    safe = np.where(small, 1, angle)
+    sine = np.where(small, 1, np.sin(safe) / safe)
+    cosine = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
+    cross = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
+    cross -= cross.swapaxes(-1, -2)
+    return np.eye(3) + sine * cross + cosine * (cross @ cross)
+
+
+def fit_rigid_motions(x, seen, weights, floor, reference):
+    """Fit the poses of groups of tracks, from several starts.
+
+    Parameters
+    ----------
+    x : ndarray of shape (B, n, L, 2)
+        Calibrated coordinates; 0 where unseen.
+    seen : ndarray of bool, shape (B, n, L)
+    weights : ndarray of shape (B, n)
+        0 for tracks that do not count.
+    floor : ndarray of shape (B,)
+        Least standard deviation of the residuals, in calibrated coordinates.
+    reference : int
+        Frame in which depths are measured; its pose is the identity.
+
+    Returns
+    -------
+    Poses
+    """
+    problems = _problems(x, seen, weights, floor, reference)
+    starts = _starts(x, seen, problems, reference)
+    times = starts[2].shape[1]
+    repeated = problems.repeated(times)
+    state = _state(repeated, *(each.reshape(-1, *each.shape[2:]) for each in starts))
+    state = _minimise(repeated, state, FIRST_ITERATIONS)
+    # Compared at one scale per problem, the least of its starts'.
+    scale = _scale(repeated, state).reshape(-1, times).min(axis=1)
+    costs = _cost(repeated, state, np.repeat(scale, times)).reshape(-1, times)
+    best = np.arange(len(x)) * times + costs.argmin(axis=1)
+    return _poses(_minimise(problems, state.of(best), LAST_ITERATIONS), reference)
+
+
+def refine_rigid_motions(x, seen, weights, floor, reference, poses):
+    """Fit as :func:`fit_rigid_motions`, from given poses.
+
+    Returns
+    -------
+    poses : Poses
+    costs : ndarray of shape (B,)
+        By which starts for the same tracks compare.
+    """
+    problems = _problems(x, seen, weights, floor, reference)
+    others = np.delete(np.arange(x.shape[2]), reference)
+    rotations, translations = (each[:, others] for each in poses)
+    depths = _depths(problems, rotations, translations)
+    state = _state(problems, rotations, translations, depths)
+    state = _minimise(problems, state, LAST_ITERATIONS)
+    return _poses(state, reference), _cost(problems, state, problems.floor)
+
+
+def squared_residuals(x, seen, poses):
+    """Squared residuals of tracks from motions, each at its best ray and depth.
+
+    Parameters
+    ----------
+    x : ndarray of shape (n, L, 2)
+        Calibrated coordinates; 0 where unseen.
+    seen : ndarray of bool, shape (n, L)
+    poses : Poses
+        Of B motions.
+
+    Returns
+    -------
+    ndarray of shape (B, n)
+        Summed over frames and coordinates. A linear fit and one Gauss-Newton step.
+    """
+    x = np.ascontiguousarray(x.transpose(1, 2, 0))  # (L, 2, n)
+    seen = np.ascontiguousarray(seen.T.astype(float))  # (L, n)
+    rotations, translations = poses
+    # A point (a, b, 1) / c of the reference frame is at M (a, b, c) + r in another.
+    M = np.concatenate([rotations[..., :2], translations[..., None]], axis=-1)
+    r = rotations[..., 2]  # (B, L, 3)
+    observed = x * seen[:, None]
+    jacobian = (
+        observed[:, :, None] * M[:, :, None, 2, :, None]
+        - M[:, :, :2, :, None] * seen[:, None, None]
+    )  # (B, L, 2, 3, n)
+    left = r[:, :, :2, None] * seen[:, None] - observed * r[:, :, None, 2:]
+    points = _solve_points(jacobian, left, 1e-11)
+    image, distance, residuals = _image_of(points, M, r, x, seen)
+    squares = (residuals**2).sum(axis=(1, 2))
+    jacobian = M[:, :, :2, :, None] - image[:, :, :, None] * M[:, :, 2:, :, None]
+    jacobian *= (seen / distance)[:, :, None, None]
+    points = points + _solve_points(jacobian, residuals, 1e-9)
+    return np.minimum(
+        squares, (_image_of(points, M, r, x, seen)[2] ** 2).sum(axis=(1, 2))
+    )
+
+
+def _image_of(points, M, r, x, seen):
+    """Images (B, L, 2, n), distances (B, L, n) and residuals of points (B, 3, n)."""
+    p = M @ points[:, None] + r[..., None]  # (B, L, 3, n)
+    distance = _kept_away(p[:, :, 2])
+    image = p[:, :, :2] / distance[:, :, None]
+    return image, distance, (x - image) * seen[:, None]
+
+
+def _solve_points(jacobian, left, damping):
+    """Least squares for (B, 3, n) from (B, L, 2, 3, n) and (B, L, 2, n), in closed
+    form: many systems of three unknowns."""
+    rows = jacobian.reshape(len(jacobian), -1, *jacobian.shape[3:])  # (B, 2 L, 3, n)
+    left = left.reshape(len(left), -1, left.shape[-1])
+    a, b, c, d, e, f = (
+        (rows[:, :, i] * rows[:, :, j]).sum(axis=1)
+        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    )
+    g = (rows * left[:, :, None]).sum(axis=1)  # (B, 3, n)
+    more = damping * (a + d + f) + 1e-14
+    a, d, f = a + more, d + more, f + more
+    minors = np.array(
+        [
+            [d * f - e * e, c * e - b * f, b * e - c * d],
+            [c * e - b * f, a * f - c * c, b * c - a * e],
+            [b * e - c * d, b * c - a * e, a * d - b * b],
+        ]
+    )  # (3, 3, B, n)
+    determinant = a * minors[0, 0] + b * minors[0, 1] + c * minors[0, 2]
+    determinant = np.maximum(determinant, np.finfo(float).tiny)
+    return np.einsum("ijbn,bjn->bin", minors, g) / determinant[:, None]
+
+
+def _kept_away(distance):
+    """Distances from the camera's plane that are not nearly zero."""
+    return np.where(
+        np.abs(distance) < NEAREST, np.where(distance < 0, -NEAREST, NEAREST), distance
+    )
+
+
+def _problems(x, seen, weights, floor, reference):
+    others = np.delete(np.arange(x.shape[2]), reference)
+    rays = np.concatenate([x[:, :, reference], np.ones((*x.shape[:2], 1))], axis=-1)
+    there = seen[:, :, reference] & (weights > 0)
+    seen = (seen[:, :, others] & there[..., None]).swapaxes(1, 2)
+    return _Problems(x[:, :, others].swapaxes(1, 2), seen, rays, weights * there, floor)
+
+
+def _poses(state, reference):
+    """Poses in all frames, the reference one too."""
+    return Poses(
+        np.insert(state.rotations, reference, np.eye(3), axis=1),
+        np.insert(state.translations, reference, 0, axis=1),
+    )
+
+
+def _state(problems, rotations, translations, depths):
+    turned = problems.rays[:, None] @ rotations.swapaxes(-1, -2)  # (B, L, n, 3)
+    points = turned + depths[:, None, :, None] * translations[:, :, None]
+    distance = _kept_away(points[..., 2])
+    image = points[..., :2] / distance[..., None]
+    residuals = np.where(problems.seen[..., None], problems.x - image, 0)
+    squares = (residuals**2).sum(axis=(1, 3))
+    return _State(
+        rotations, translations, depths, image, turned, distance, residuals, squares
+    )
+
+
+def _scale(problems, state):
+    """Robust standard deviation of the residuals, at least the floor: (B,)."""
+    counted = (problems.weights > 0) & problems.seen.any(axis=1)
+    medians = _medians(state.squares / problems.freedom, counted)
+    medians = np.where(np.isfinite(medians), medians, 0)
+    return np.maximum(problems.floor, SCALE_OF_MEDIAN * np.sqrt(medians))
+
+
+def _cost(problems, state, scale):
+    """Student-t cost of the residuals of all tracks, in nats: (B,)."""
+    unit = FREEDOM * scale[:, None] ** 2
+    costs = (FREEDOM + problems.freedom) * np.log1p(state.squares / unit)
+    return (problems.weights * costs).sum(axis=1)
+
+
+def _medians(values, counted):
+    """Lower medians over the last axis of what counts; infinite where nothing does."""
+    values = np.sort(np.where(counted, values, np.inf), axis=-1)
+    middle = np.maximum(np.broadcast_to(counted, values.shape).sum(axis=-1) - 1, 0) // 2
+    return np.take_along_axis(values, middle[..., None], -1)[..., 0]
+
+
+def _minimise(problems, state, iterations):
+    """Levenberg-Marquardt; the scale of the residuals follows."""
+    damping = np.full(len(problems.x), 1e-2)
+    scale = _scale(problems, state)
+    for _ in range(iterations):
+        cost = _cost(problems, state, scale)
+        new = _stepped(problems, state, scale, damping)
+        better = _cost(problems, new, scale) < cost
+        damping = np.clip(np.where(better, 0.2 * damping, 8 * damping), 1e-9, 1e6)
+        state = state.chosen(new, better)
+        scale = _scale(problems, state)
+    return state
+
+
+def _stepped(problems, state, scale, damping):
+    """The state after one damped Gauss-Newton step, the depths eliminated."""
+    B, L, n = problems.seen.shape
+    spread = FREEDOM * scale[:, None] ** 2 + state.squares
+    weights = problems.weights * (FREEDOM + problems.freedom) / spread  # (B, n)
+    poses, depths = _jacobians(problems, state)  # (B, L, 6, 2, n), (B, L, 2, n)
+    left = state.residuals.swapaxes(2, 3)  # (B, L, 2, n)
+    weighted = poses * weights[:, None, None, None]
+    flat = weighted.reshape(B, L, 6, 2 * n)
+    normal = flat @ poses.reshape(B, L, 6, 2 * n).swapaxes(-1, -2)  # (B, L, 6, 6)
+    right = (flat @ left.reshape(B, L, 2 * n, 1)).reshape(B, 6 * L)
+    mixed = (weighted * depths[:, :, None]).sum(axis=3).reshape(B, 6 * L, n)
+    of_depths = (weights[:, None, None] * depths**2).sum(axis=(1, 2))  # (B, n)
+    right_depths = (weights[:, None, None] * depths * left).sum(axis=(1, 2))
+    of_depths = of_depths * (1 + damping[:, None])
+    of_depths += 1e-9 * of_depths.max(axis=1, keepdims=True) + 1e-30
+    shares = mixed / of_depths[:, None]
+    reduced = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
+    right = right - (shares @ right_depths[..., None])[..., 0]
+    change = np.linalg.solve(reduced, right[..., None])[..., 0]  # (B, 6 L)
+    change_depths = (right_depths - (change[:, None] @ mixed)[:, 0]) / of_depths
+    change = change.reshape(B, L, 6)
+    return _state(
+        problems,
+        rotations_of(change[..., :3]) @ state.rotations,
+        state.translations + change[..., 3:],
+        state.depths + change_depths,
+    )
+
+
+def _damped_blocks(normal, damping):
+    """Block-diagonal matrices (B, 6 L, 6 L) of damped blocks (B, L, 6, 6)."""
+    B, L = normal.shape[:2]
+    diagonal = np.einsum("blii->bli", normal)
+    more = damping[:, None, None] * diagonal
+    more = more + 1e-7 * diagonal.mean(axis=(1, 2), keepdims=True) + 1e-30
+    blocks = np.zeros((B, L, 6, L, 6))
+    frames = np.arange(L)
+    blocks[:, frames, :, frames] = (normal + more[..., None] * np.eye(6)).swapaxes(0, 1)
+    return blocks.reshape(B, 6 * L, 6 * L)
+
+
+def _jacobians(problems, state):
+    """Derivatives of images by poses, (B, L, 6, 2, n), and by depths, (B, L, 2, n)."""
+    u, v = np.moveaxis(state.image, -1, 0)
+    a, b, c = np.moveaxis(state.turned, -1, 0)
+    inverse = np.where(problems.seen, 1 / state.distance, 0)
+    moved = state.depths[:, None] * inverse
+    zero = np.zeros_like(u)
+    poses = np.stack(
+        [
+            np.stack([-u * b * inverse, -(c + v * b) * inverse], axis=2),
+            np.stack([(c + u * a) * inverse, v * a * inverse], axis=2),
+            np.stack([-b * inverse, a * inverse], axis=2),
+            np.stack([moved, zero], axis=2),
+            np.stack([zero, moved], axis=2),
+            np.stack([-u * moved, -v * moved], axis=2),
+        ],
+        axis=2,
+    )
+    t = state.translations[:, :, None]
+    depths = np.stack(
+        [(t[..., 0] - u * t[..., 2]) * inverse, (t[..., 1] - v * t[..., 2]) * inverse],
+        axis=2,
+    )
+    return poses, depths
+
+
+def _depths(problems, rotations, translations):
+    """Inverse depths (B, n) of least algebraic error for given poses."""
+    turned = problems.rays[:, None] @ rotations.swapaxes(-1, -2)
+    t = translations[:, :, None]
+    seen = problems.seen[..., None]
+    slope = (problems.x * t[..., 2:] - t[..., :2]) * seen
+    left = (turned[..., :2] - problems.x * turned[..., 2:]) * seen
+    top, bottom = (slope * left).sum(axis=(1, 3)), (slope**2).sum(axis=(1, 3))
+    return top / (bottom + 1e-12)
+
+
+def _starts(x, seen, problems, reference):
+    """Rotations (B, S, L', 3, 3), translations and depths (B, S, n) to start from.
+
+    Of two kinds: from the farthest frame, which shows small motions best, and from the
+    next frame, which shows large ones best; in both cases carried on at constant speed.
+    """
+    n_frames = x.shape[2]
+    next_frame = reference + 1 if reference + 1 < n_frames else reference - 1
+    far_frame = n_frames - 1 if reference <= n_frames // 2 else 0
+    there = seen[:, :, reference] & (problems.weights > 0)
+    others = np.delete(np.arange(n_frames), reference)
+    parts = []
+    for frame in (far_frame, next_frame):
+        both = there & seen[:, :, frame]
+        few = both.sum(axis=1) < np.minimum(6, there.sum(axis=1))
+        frames = np.where(few, next_frame, frame)
+        some = np.arange(len(x))
+        both = there & seen[some, :, frames]
+        speed = (others - reference) / (frames - reference)[:, None]  # (B, L')
+        motion = _instantaneous(x[:, :, reference], x[some, :, frames], both)
+        turns, directions, depths = motion
+        parts.append(
+            (
+                rotations_of(turns[:, :, None] * speed[:, None, :, None]),
+                directions[:, :, None] * speed[:, None, :, None],
+                depths,
+            )
+        )
+    return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+
+
+def _directions(n):
+    """Unit vectors (n, 3), evenly over half a sphere (Fibonacci's lattice)."""
+    k = np.arange(n) + 0.5
+    z, phi = k / n, np.pi * (1 + np.sqrt(5)) * k
+    r = np.sqrt(1 - z**2)
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+
+
+def _instantaneous(x, y, both):
+    """Rotation vectors, translations (B, k, 3) and depths (B, k, n) of small motions.
+
+    For each direction of translation the rotation of least squares, weighted robustly,
+    from the flow across the direction in which the translation moves each point; the
+    best few of these (Heeger and Jepson 1992).
+    """
+    turning, moving = _flow_matrices((x + y) / 2)
+    flow = y - x
+    directions = _directions(N_DIRECTIONS)
+    along = np.einsum("bnij,dj->bdni", moving, directions)  # (B, D, n, 2)
+    length = np.linalg.norm(along, axis=-1) + 1e-3
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / length[..., None]
+    rows = np.einsum("bdni,bnij->bdnj", across, turning)
+    left = np.einsum("bdni,bni->bdn", across, flow)
+    turns, scores = _robust_turns(rows, left, both)
+    order = np.argsort(scores, axis=1, kind="stable")[:, :STARTS_PER_KIND]
+    batch = np.arange(len(x))[:, None]
+    turns, along, directions = (
+        turns[batch, order],
+        along[batch, order],
+        directions[order],
+    )
+    rest = flow[:, None] - np.einsum("bnij,bkj->bkni", turning, turns)
+    depths = (rest * along).sum(axis=-1) / ((along**2).sum(axis=-1) + 1e-4)
+    sign = np.sign(np.where(both[:, None], depths, 0).sum(axis=-1, keepdims=True))
+    sign[sign == 0] = 1
+    size = _medians(np.abs(depths), both[:, None])[..., None]
+    size = np.where(np.isfinite(size), np.maximum(size, 1e-6), 1e-6)
+    depths = np.where(both[:, None], sign * depths / size, 1).clip(-3, 10)
+    return turns, directions * sign * size, depths
+
+
+def _robust_turns(rows, left, both, sweeps=4, floor=1e-5):
+    """Rotation vectors (B, D, 3) from (B, D, n, 3) and (B, D, n), and their medians."""
+    weights = np.broadcast_to(both[:, None].astype(float), left.shape)
+    for _ in range(sweeps):
+        weighted = (rows * weights[..., None]).swapaxes(-1, -2)
+        normal = weighted @ rows + 1e-9 * np.eye(3)
+        turns = np.linalg.solve(normal, weighted @ left[..., None])
+        errors = np.abs(left - (rows @ turns)[..., 0])
+        medians = _medians(errors, both[:, None])
+        scale = np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
+        weights = both[:, None] / (1 + (errors / (2 * scale[..., None])) ** 2)
+    return turns[..., 0], medians
+
+
+def _flow_matrices(x):
+    """Matrices (..., 2, 3) that take rotation and translation over depth to flow."""
+    a, b = np.moveaxis(x, -1, 0)
+    one, zero = np.ones_like(a), np.zeros_like(a)
+    turning = [[-a * b, 1 + a**2, -b], [-(1 + b**2), a * b, a]]
+    moving = [[one, zero, -a], [zero, one, -b]]
+    return (
+        np.stack([np.stack(row, axis=-1) for row in turning], axis=-2),
+        np.stack([np.stack(row, axis=-1) for row in moving], axis=-2),
+    )

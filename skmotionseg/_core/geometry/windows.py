@@ -1,0 +1,267 @@
+"""Rigid motions of groups of tracks over windows of a clip.
+
+A window is a few frames, some frames apart: noise of trackers drifts, so neighbouring
+frames tell little more than one, and motions differ more the longer they are watched.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .rigid_motion import (
+    Poses,
+    fit_rigid_motions,
+    refine_rigid_motions,
+    squared_residuals,
+)
+
+# Frames per window, and frames from one to the next, unless tracks live too briefly.
+WINDOW_FRAMES = 6
+WINDOW_STRIDE = 3
+# Frames of a window in which a track must be seen, and tracks that make a motion.
+FEWEST_SEEN = 3
+FEWEST_TRACKS = 5
+# Tracks of a group that its motion is fitted to, and problems solved at a time.
+MOST_FITTED = 40
+BATCH = 16
+# Focal lengths that are tried, as shares of the larger side of what tracks cover.
+FOCAL_LENGTHS = (0.4, 0.6, 1.0, 1.7)
+# Least standard deviation of the noise: pixels in a video 640 pixels wide.
+REFERENCE_WIDTH = 640
+LEAST_NOISE = 0.15
+
+
+class RigidMotion(NamedTuple):
+    """The motion of a group in each window, and how far all tracks are from it.
+
+    Attributes
+    ----------
+    poses : tuple of Poses or None
+        Of one motion per window; None where too few of the group's tracks are seen.
+    squares : ndarray of shape (n_tracks, n_windows)
+        Squared residuals in calibrated coordinates, summed over the window; NaN where
+        there is no motion, or the track is seen too little.
+    """
+
+    poses: tuple[Poses | None, ...]
+    squares: np.ndarray
+
+
+class Windows:
+    """The tracks of a clip in the windows in which rigid motions are fitted.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels.
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    focal_length : float
+        As a share of the larger side of what the tracks cover. The principal point is
+        taken to be its middle.
+
+    Attributes
+    ----------
+    frames : ndarray of int, shape (n_windows, n_frames_per_window)
+    seen : ndarray of bool, shape (n_windows, n_tracks, n_frames_per_window)
+    freedom : ndarray of int, shape (n_tracks, n_windows)
+        Residuals of each track less the three numbers that place it; 0 where it is seen
+        too little.
+    pixels : float
+        Pixels, in a video 640 pixels wide, per calibrated unit.
+    """
+
+    def __init__(self, points, visibility, focal_length=1.0):
+        self.points, self.visibility = points, visibility
+        self.frames = window_frames(visibility)
+        self.reference = (self.frames.shape[1] - 1) // 2
+        self.seen = np.stack([visibility[:, frames] for frames in self.frames])
+        times_seen = self.seen.sum(axis=2).T
+        enough = times_seen >= FEWEST_SEEN
+        self.freedom = np.where(enough, 2 * times_seen - 3, 0)
+        some = points[visibility]
+        low, high = (
+            (some.min(axis=0), some.max(axis=0)) if len(some) else np.zeros((2, 2))
+        )
+        self._middle, self._size = (low + high) / 2, float((high - low).max()) or 1.0
+        self.set_focal_length(focal_length)
+
+    def set_focal_length(self, share):
+        """Calibrate coordinates with another focal length."""
+        self.focal_length = share
+        unit = share * self._size
+        self.pixels = REFERENCE_WIDTH * share
+        self.least_noise = LEAST_NOISE / self.pixels
+        calibrated = (self.points - self._middle) / unit
+        self.x = np.stack(
+            [
+                np.where(seen[..., None], calibrated[:, frames], 0)
+                for frames, seen in zip(self.frames, self.seen, strict=True)
+            ]
+        )  # (W, n, L, 2)
+
+    def fit(self, groups):
+        """Motions of groups of tracks, from several starts each.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+
+        Returns
+        -------
+        list of RigidMotion
+        """
+        jobs = self._jobs(groups)
+        poses = [[None] * len(self.frames) for _ in groups]
+        for start in range(0, len(jobs), BATCH):
+            some = jobs[start : start + BATCH]
+            fitted = fit_rigid_motions(*self._stacked(some), self.reference)
+            for job, *pose in zip(some, *fitted, strict=True):
+                poses[job.group][job.window] = Poses(*pose)
+        return self.motions(poses)
+
+    def refine(self, groups, starts):
+        """Motions of groups, from the motions of others.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+        starts : list of list of RigidMotion
+            For each group.
+
+        Returns
+        -------
+        list of RigidMotion
+            The best of the starts, for each group and window.
+        """
+        jobs, given = [], []
+        for job in self._jobs(groups):
+            for start in starts[job.group]:
+                if start.poses[job.window] is not None:
+                    jobs.append(job)
+                    given.append(start.poses[job.window])
+        poses = [[None] * len(self.frames) for _ in groups]
+        least = {}
+        for start in range(0, len(jobs), BATCH):
+            some, some_poses = (each[start : start + BATCH] for each in (jobs, given))
+            stacked = Poses(*map(np.stack, zip(*some_poses, strict=True)))
+            x, seen, weights, floor = self._stacked(some)
+            fitted, costs = refine_rigid_motions(
+                x, seen, weights, floor, self.reference, stacked
+            )
+            for job, cost, *pose in zip(some, costs, *fitted, strict=True):
+                place = job.group, job.window
+                if cost < least.get(place, np.inf):
+                    least[place] = cost
+                    poses[job.group][job.window] = Poses(*pose)
+        return self.motions(poses)
+
+    def motions(self, poses):
+        """Motions with the residuals of all tracks from them."""
+        squares = np.full((len(poses), *self.freedom.shape), np.nan)
+        for window, (x, seen) in enumerate(zip(self.x, self.seen, strict=True)):
+            have = [k for k, each in enumerate(poses) if each[window] is not None]
+            rows = np.flatnonzero(self.freedom[:, window])
+            if have and len(rows):
+                stacked = Poses(
+                    *map(np.stack, zip(*(poses[k][window] for k in have), strict=True))
+                )
+                found = squared_residuals(x[rows], seen[rows], stacked)
+                for k, some in zip(have, found, strict=True):
+                    squares[k, rows, window] = some
+        return [
+            RigidMotion(tuple(each), some)
+            for each, some in zip(poses, squares, strict=True)
+        ]
+
+    def deviations(self, motion, tracks):
+        """Root mean square residuals of some tracks, and of how many numbers.
+
+        Returns
+        -------
+        deviations : ndarray of shape (n,)
+            In calibrated coordinates; 0 where nothing is known.
+        freedom : ndarray of shape (n,)
+        """
+        squares = motion.squares[tracks]
+        unknown = np.isnan(squares)
+        freedom = np.where(unknown, 0, self.freedom[tracks]).sum(axis=1)
+        total = np.where(unknown, 0, squares).sum(axis=1)
+        return np.sqrt(total / np.maximum(freedom, 1)), freedom
+
+    def shrinkage(self, motion, tracks):
+        """By how much residuals of fitted tracks are too small: the parameters' part.
+
+        Returns
+        -------
+        float
+            Deviations times this are comparable with those of other tracks.
+        """
+        counted = (self.freedom[tracks] > 0) & ~np.isnan(motion.squares[tracks])
+        n_parameters = counted.any(axis=0).sum() * (6 * (self.frames.shape[1] - 1) - 1)
+        n_residuals = np.where(counted, self.freedom[tracks], 0).sum()
+        return np.sqrt(1 / max(1 - n_parameters / max(n_residuals, 1), 0.1))
+
+    def _jobs(self, groups):
+        """What there is to fit: tracks of a group in a window."""
+        return [
+            _Job(group, window, tracks)
+            for group, members in enumerate(groups)
+            for window in range(len(self.frames))
+            if len(tracks := self._some(members, window)) >= FEWEST_TRACKS
+        ]
+
+    def _some(self, members, window):
+        """Tracks of a group that a motion is fitted to, spread over the image."""
+        members = members[self.freedom[members, window] > 0]
+        central = members[self.seen[window, members, self.reference]]
+        members = central if len(central) >= FEWEST_TRACKS else members
+        if len(members) <= MOST_FITTED:
+            return members
+        x, y = self.x[window, members, self.reference].T
+        spread = members[np.lexsort((y, x))]
+        return spread[np.linspace(0, len(spread) - 1, MOST_FITTED).astype(int)]
+
+    def _stacked(self, jobs):
+        """Coordinates, visibility, weights and floors of a batch."""
+        most = max(len(job.tracks) for job in jobs)
+        x = np.zeros((len(jobs), most, self.frames.shape[1], 2))
+        seen = np.zeros(x.shape[:3], dtype=bool)
+        weights = np.zeros(x.shape[:2])
+        for k, (_, window, tracks) in enumerate(jobs):
+            x[k, : len(tracks)] = self.x[window, tracks]
+            seen[k, : len(tracks)] = self.seen[window, tracks]
+            weights[k, : len(tracks)] = 1
+        return x, seen, weights, np.full(len(jobs), self.least_noise)
+
+
+class _Job(NamedTuple):
+    group: int
+    window: int
+    tracks: np.ndarray
+
+
+def window_frames(visibility):
+    """Frames of each window: as many as cover the clip, evenly.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    ndarray of int, shape (n_windows, n_frames_per_window)
+        Frames are further apart in a longer clip, up to three frames, as long as the
+        usual track is seen throughout.
+    """
+    n_frames = visibility.shape[1]
+    n = min(WINDOW_FRAMES, n_frames)
+    stride = max(1, min(WINDOW_STRIDE, (n_frames - 1) // max(n - 1, 1)))
+    lifetime = np.median(visibility.sum(axis=1))
+    while stride > 1 and (n - 1) * stride + 1 > max(lifetime, n):
+        stride -= 1
+    span = (n - 1) * stride + 1
+    n_windows = max(1, int(np.ceil(n_frames / span - 1 / 3)))
+    starts = np.linspace(0, n_frames - span, n_windows).round().astype(int)
+    return np.unique(starts)[:, None] + stride * np.arange(n)

@@ -1,0 +1,129 @@
+"""Rigid motion over several frames: poses, residuals, and a textbook's of both."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from skmotionseg._core.geometry.rigid_motion import (
+    Poses,
+    fit_rigid_motions,
+    refine_rigid_motions,
+    rotations_of,
+    squared_residuals,
+)
+
+N_FRAMES, REFERENCE = 6, 2
+
+
+def scene(rng, n=30, noise=1e-4, direction=(0, 0, 1.0), speed=0.04):
+    """Calibrated tracks (n, L, 2) of one rigid motion, and its true poses."""
+    rays = np.column_stack([rng.uniform(-0.5, 0.5, (n, 2)), np.ones(n)])
+    depths = rng.uniform(0.3, 1, n)
+    time = np.arange(N_FRAMES) - REFERENCE
+    rotations = rotations_of(0.01 * rng.standard_normal(3) * time[:, None])
+    translations = speed * np.array(direction) * time[:, None]
+    points = np.einsum("lij,nj->nli", rotations, rays)
+    points += depths[:, None, None] * translations
+    x = points[..., :2] / points[..., 2:]
+    x = x + noise * rng.standard_normal(x.shape)
+    return x, Poses(rotations[None], translations[None])
+
+
+def deviation(squares, seen):
+    return np.sqrt(np.median(squares / (2 * seen.sum(axis=1) - 3)))
+
+
+def test_rotations_are_those_of_scipy():
+    vectors = np.random.RandomState(0).standard_normal((20, 3))
+    vectors[0] = 0
+    assert_allclose(
+        rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "direction", [(0, 0, 1.0), (0, 0, -1.0), (1.0, 0, 0), (0.5, -0.7, 0.3)]
+)
+def test_a_motion_is_fitted_to_the_noise(direction):
+    rng = np.random.RandomState(1)
+    x, _ = scene(rng, direction=direction)
+    seen = np.ones(x.shape[:2], dtype=bool)
+    poses = fit_rigid_motions(
+        x[None], seen[None], np.ones((1, len(x))), np.array([1e-5]), REFERENCE
+    )
+    assert deviation(squared_residuals(x, seen, poses)[0], seen) < 1.3e-4
+
+
+def test_gaps_and_outliers_leave_the_others_fitted():
+    rng = np.random.RandomState(2)
+    x, _ = scene(rng, n=40)
+    seen = rng.random(x.shape[:2]) > 0.2
+    seen[:, REFERENCE] = True
+    wrong = np.arange(8)
+    x[wrong] += 0.02 * rng.standard_normal(x[wrong].shape)
+    filled = np.where(seen[..., None], x, 0)
+    poses = fit_rigid_motions(
+        filled[None], seen[None], np.ones((1, len(x))), np.array([1e-5]), REFERENCE
+    )
+    squares = squared_residuals(filled, seen, poses)[0]
+    assert deviation(squares[8:], seen[8:]) < 1.5e-4
+    assert deviation(squares[:8], seen[:8]) > 1e-3
+
+
+def test_problems_of_a_batch_are_those_of_one():
+    rng = np.random.RandomState(3)
+    tracks = [scene(rng, n=25)[0] for _ in range(3)]
+    x = np.stack(tracks)
+    seen, weights = np.ones(x.shape[:3], dtype=bool), np.ones(x.shape[:2])
+    together = fit_rigid_motions(x, seen, weights, np.full(3, 1e-5), REFERENCE)
+    for k in range(3):
+        one = slice(k, k + 1)
+        alone = fit_rigid_motions(
+            x[one], seen[one], weights[one], np.full(1, 1e-5), REFERENCE
+        )
+        assert_allclose(together.rotations[one], alone.rotations, atol=1e-9)
+        assert_allclose(together.translations[one], alone.translations, atol=1e-9)
+
+
+def test_refining_true_poses_costs_no_more_than_fitting():
+    rng = np.random.RandomState(4)
+    x, truth = scene(rng)
+    seen, weights = np.ones((1, *x.shape[:2]), dtype=bool), np.ones((1, len(x)))
+    floor = np.array([1e-5])
+    refined, cost = refine_rigid_motions(
+        x[None], seen, weights, floor, REFERENCE, truth
+    )
+    _, again = refine_rigid_motions(x[None], seen, weights, floor, REFERENCE, refined)
+    assert again <= cost + 1e-9
+    assert_allclose(refined.rotations, truth.rotations, atol=2e-3)
+
+
+def test_residuals_are_those_of_a_general_solver():
+    rng = np.random.RandomState(5)
+    x, truth = scene(rng, n=12, noise=2e-3)
+    seen = rng.random(x.shape[:2]) > 0.2
+    seen[:, :4] = True
+    x = np.where(seen[..., None], x, 0)
+    squares = squared_residuals(x, seen, truth)[0]
+    rotations, translations = truth.rotations[0], truth.translations[0]
+    for track, found in enumerate(squares):
+
+        def residuals(point, track=track):
+            p = rotations @ [point[0], point[1], 1] + point[2] * translations
+            error = p[:, :2] / p[:, 2:] - x[track]
+            return error[seen[track]].ravel()
+
+        start = [*x[track, REFERENCE], 0.6]
+        assert_allclose(found, 2 * least_squares(residuals, start).cost, rtol=1e-3)
+
+
+def test_tracks_at_rest_and_tracks_that_coincide_have_a_motion():
+    for x in (np.zeros((1, 9, N_FRAMES, 2)), np.full((1, 9, N_FRAMES, 2), 0.3)):
+        seen = np.ones(x.shape[:3], dtype=bool)
+        poses = fit_rigid_motions(x, seen, np.ones((1, 9)), np.array([1e-4]), REFERENCE)
+        assert np.isfinite(poses.rotations).all()
+        assert squared_residuals(x[0], seen[0], poses).max() < 1e-8

@@ -1,0 +1,89 @@
+"""Windows of a clip, and rigid motions of groups in them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skmotionseg import unpack_tracks
+from skmotionseg._core.geometry.windows import (
+    FEWEST_TRACKS,
+    WINDOW_FRAMES,
+    Windows,
+    window_frames,
+)
+from skmotionseg.datasets import make_rigid_motions
+
+
+@pytest.fixture(scope="module")
+def clip():
+    X, y = make_rigid_motions(n_tracks=150, n_frames=12, random_state=0)
+    points, visibility = unpack_tracks(X)
+    return Windows(points, visibility), y
+
+
+@pytest.mark.parametrize("n_frames", [2, 3, 6, 7, 16, 40, 101])
+def test_windows_reach_from_the_first_frame_to_the_last(n_frames):
+    frames = window_frames(np.ones((5, n_frames), dtype=bool))
+    assert frames.min() == 0
+    assert frames.max() >= n_frames - 1 - n_frames // 4
+    assert frames.shape[1] == min(WINDOW_FRAMES, n_frames)
+    assert (np.diff(frames, axis=1) == np.diff(frames, axis=1)[0, 0]).all()
+
+
+def test_windows_are_short_where_tracks_are():
+    visibility = np.zeros((40, 60), dtype=bool)
+    for track in range(40):
+        visibility[track, track : track + 8] = True
+    assert np.ptp(window_frames(visibility), axis=1).max() < 8
+
+
+def test_tracks_are_near_their_own_motion_and_far_from_others(clip):
+    windows, y = clip
+    groups = [np.flatnonzero(y == m) for m in range(y.max() + 1)]
+    motions = windows.fit(groups)
+    for group, motion in zip(groups, motions, strict=True):
+        own, _ = windows.deviations(motion, group)
+        others, known = windows.deviations(
+            motion, np.setdiff1d(np.arange(len(y)), group)
+        )
+        assert np.median(own) < np.median(others[known > 0]) / 2
+
+
+def test_the_order_of_tracks_changes_nothing(clip):
+    windows, y = clip
+    order = np.random.RandomState(0).permutation(len(y))
+    shuffled = Windows(windows.points[order], windows.visibility[order])
+    group = np.flatnonzero(y == 0)
+    members = np.flatnonzero(y[order] == 0)
+    (one,), (other,) = windows.fit([group]), shuffled.fit([members])
+    assert_allclose(one.squares[order], other.squares, rtol=1e-5, atol=1e-12)
+
+
+def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):
+    windows, _ = clip
+    (motion,) = windows.fit([np.arange(FEWEST_TRACKS - 1)])
+    assert set(motion.poses) == {None}
+    deviations, freedom = windows.deviations(motion, np.arange(10))
+    assert_array_equal(freedom, 0)
+    assert_array_equal(deviations, 0)
+
+
+def test_refining_takes_the_better_of_two_starts(clip):
+    windows, y = clip
+    groups = [np.flatnonzero(y == m) for m in (0, 1)]
+    own, other = windows.fit(groups)
+    refined, poor = windows.refine([groups[0]] * 2, [[other, own], [other]])
+    refined, poor = (
+        np.median(windows.deviations(each, groups[0])[0]) for each in (refined, poor)
+    )
+    assert refined < 0.8 * poor
+
+
+def test_residuals_are_in_pixels_of_a_video_640_wide(clip):
+    windows, _ = clip
+    for share in (0.5, 2.0):
+        windows.set_focal_length(share)
+        assert_allclose(windows.least_noise * windows.pixels, 0.15)
+    windows.set_focal_length(1.0)
