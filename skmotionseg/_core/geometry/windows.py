@@ -116,7 +116,8 @@ class Windows:
         poses = [[None] * len(self.frames) for _ in groups]
         for start in range(0, len(jobs), BATCH):
             some = jobs[start : start + BATCH]
-            fitted = fit_rigid_motions(*self._stacked(some), self.reference)
+            x, seen, weights, floor = self._stacked(some)
+            fitted = fit_rigid_motions(x, seen, weights, floor, self.reference)
             for job, *pose in zip(some, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
         return self.motions(poses)
@@ -142,7 +143,7 @@ class Windows:
                     jobs.append(job)
                     given.append(start.poses[job.window])
         poses = [[None] * len(self.frames) for _ in groups]
-        least = {}
+        least: dict[tuple[int, int], float] = {}
         for start in range(0, len(jobs), BATCH):
             some, some_poses = (each[start : start + BATCH] for each in (jobs, given))
             stacked = Poses(*map(np.stack, zip(*some_poses, strict=True)))

@@ -291,9 +291,7 @@ def _refine(labels, clip, counts, cluster):
         return chain(
             moved(labels, relative),
             merged(labels) if mergeable(labels) else (),
-            split(labels, partial(_bisect, clip, cluster))
-            if labels.max() + 2 <= counts[-1]
-            else (),
+            split(labels, bisect) if labels.max() + 2 <= counts[-1] else (),
         )
 
     def mergeable(labels):
