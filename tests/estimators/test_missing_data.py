@@ -209,7 +209,7 @@ def test_a_stray_track_belongs_to_no_cluster(with_a_stray, fusion):
     labels = pipeline.fit_predict(X)
     assert_array_equal(np.flatnonzero(labels == -1), [11])
     assert misclassification_error(y, labels) < 0.05
-    assert np.isfinite(pipeline["cluster"].view_embeddings_).all()
+    assert np.isfinite(pipeline["cluster"].clusterer_.view_embeddings_).all()
 
 
 @pytest.mark.parametrize(

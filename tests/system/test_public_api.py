@@ -85,6 +85,8 @@ def test_the_contract():
         "load_mtpv62",
         "load_tracks",
         "make_rigid_motions",
+        "make_scene",
+        "scene_families",
     }
     assert functions_of(metrics) == {
         "boundary_f_measure",

@@ -152,6 +152,7 @@ def refine_rigid_motions(x, seen, weights, floor, reference, poses):
     """
     problems = _problems(x, seen, weights, floor, reference)
     others = np.delete(np.arange(x.shape[2]), reference)
+    poses = _relative_to(poses, reference)
     rotations, translations = (each[:, others] for each in poses)
     depths = _depths(problems, rotations, translations)
     state = _state(problems, rotations, translations, depths)
@@ -251,6 +252,13 @@ def _poses(state, reference):
         np.insert(state.rotations, reference, np.eye(3), axis=1),
         np.insert(state.translations, reference, 0, axis=1),
     )
+
+
+def _relative_to(poses, reference):
+    """The same motions, the pose in another frame being the identity."""
+    turned = poses.rotations @ poses.rotations[:, [reference]].swapaxes(-1, -2)
+    moved = (turned @ poses.translations[:, [reference], :, None])[..., 0]
+    return Poses(turned, poses.translations - moved)
 
 
 def _state(problems, rotations, translations, depths):

@@ -23,6 +23,8 @@ WINDOW_STRIDE = 3
 # Frames of a window in which a track must be seen, and tracks that make a motion.
 FEWEST_SEEN = 3
 FEWEST_TRACKS = 5
+# A reference frame sees this share of a group's tracks that any frame sees, or more.
+SHARE_IN_REFERENCE = 0.8
 # Tracks of a group that its motion is fitted to, and problems solved at a time.
 MOST_FITTED = 40
 BATCH = 16
@@ -75,7 +77,6 @@ class Windows:
     def __init__(self, points, visibility, focal_length=1.0):
         self.points, self.visibility = points, visibility
         self.frames = window_frames(visibility)
-        self.reference = (self.frames.shape[1] - 1) // 2
         self.seen = np.stack([visibility[:, frames] for frames in self.frames])
         times_seen = self.seen.sum(axis=2).T
         enough = times_seen >= FEWEST_SEEN
@@ -112,13 +113,11 @@ class Windows:
         -------
         list of RigidMotion
         """
-        jobs = self._jobs(groups)
         poses = [[None] * len(self.frames) for _ in groups]
-        for start in range(0, len(jobs), BATCH):
-            some = jobs[start : start + BATCH]
-            x, seen, weights, floor = self._stacked(some)
-            fitted = fit_rigid_motions(x, seen, weights, floor, self.reference)
-            for job, *pose in zip(some, *fitted, strict=True):
+        for jobs in _batches(self._jobs(groups)):
+            x, seen, weights, floor = self._stacked(jobs)
+            fitted = fit_rigid_motions(x, seen, weights, floor, jobs[0].reference)
+            for job, *pose in zip(jobs, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
         return self.motions(poses)
 
@@ -136,20 +135,21 @@ class Windows:
         list of RigidMotion
             The best of the starts, for each group and window.
         """
-        jobs, given = [], []
-        for job in self._jobs(groups):
-            for start in starts[job.group]:
-                if start.poses[job.window] is not None:
-                    jobs.append(job)
-                    given.append(start.poses[job.window])
+        jobs = [
+            job._replace(start=start.poses[job.window])
+            for job in self._jobs(groups)
+            for start in starts[job.group]
+            if start.poses[job.window] is not None
+        ]
         poses = [[None] * len(self.frames) for _ in groups]
         least: dict[tuple[int, int], float] = {}
-        for start in range(0, len(jobs), BATCH):
-            some, some_poses = (each[start : start + BATCH] for each in (jobs, given))
-            stacked = Poses(*map(np.stack, zip(*some_poses, strict=True)))
+        for some in _batches(jobs):
             x, seen, weights, floor = self._stacked(some)
+            stacked = Poses(
+                *map(np.stack, zip(*(job.start for job in some), strict=True))
+            )
             fitted, costs = refine_rigid_motions(
-                x, seen, weights, floor, self.reference, stacked
+                x, seen, weights, floor, some[0].reference, stacked
             )
             for job, cost, *pose in zip(some, costs, *fitted, strict=True):
                 place = job.group, job.window
@@ -206,23 +206,34 @@ class Windows:
 
     def _jobs(self, groups):
         """What there is to fit: tracks of a group in a window."""
-        return [
-            _Job(group, window, tracks)
-            for group, members in enumerate(groups)
-            for window in range(len(self.frames))
-            if len(tracks := self._some(members, window)) >= FEWEST_TRACKS
-        ]
+        jobs = []
+        for group, members in enumerate(groups):
+            for window in range(len(self.frames)):
+                reference, tracks = self._some(members, window)
+                if len(tracks) >= FEWEST_TRACKS:
+                    jobs.append(_Job(group, window, reference, tracks))
+        return jobs
 
     def _some(self, members, window):
-        """Tracks of a group that a motion is fitted to, spread over the image."""
+        """A reference frame, and tracks seen in it that a motion is fitted to.
+
+        Of the frames that see most of a group the one nearest to the window's middle;
+        of its tracks some that are spread over the image.
+        """
         members = members[self.freedom[members, window] > 0]
-        central = members[self.seen[window, members, self.reference]]
-        members = central if len(central) >= FEWEST_TRACKS else members
+        seen = self.seen[window, members]
+        often = seen.sum(axis=0) >= SHARE_IN_REFERENCE * seen.sum(axis=0).max()
+        middle = (self.frames.shape[1] - 1) // 2
+        frames = np.flatnonzero(often)
+        reference = int(frames[np.abs(frames - middle).argmin()])
+        members = members[seen[:, reference]]
         if len(members) <= MOST_FITTED:
-            return members
-        x, y = self.x[window, members, self.reference].T
+            return reference, members
+        x, y = self.x[window, members, reference].T
         spread = members[np.lexsort((y, x))]
-        return spread[np.linspace(0, len(spread) - 1, MOST_FITTED).astype(int)]
+        return reference, spread[
+            np.linspace(0, len(spread) - 1, MOST_FITTED).astype(int)
+        ]
 
     def _stacked(self, jobs):
         """Coordinates, visibility, weights and floors of a batch."""
@@ -230,17 +241,30 @@ class Windows:
         x = np.zeros((len(jobs), most, self.frames.shape[1], 2))
         seen = np.zeros(x.shape[:3], dtype=bool)
         weights = np.zeros(x.shape[:2])
-        for k, (_, window, tracks) in enumerate(jobs):
-            x[k, : len(tracks)] = self.x[window, tracks]
-            seen[k, : len(tracks)] = self.seen[window, tracks]
-            weights[k, : len(tracks)] = 1
+        for k, job in enumerate(jobs):
+            n = len(job.tracks)
+            x[k, :n] = self.x[job.window, job.tracks]
+            seen[k, :n] = self.seen[job.window, job.tracks]
+            weights[k, :n] = 1
         return x, seen, weights, np.full(len(jobs), self.least_noise)
 
 
 class _Job(NamedTuple):
+    """A motion to fit, and where to start, if that is known."""
+
     group: int
     window: int
+    reference: int
     tracks: np.ndarray
+    start: Poses | None = None
+
+
+def _batches(jobs):
+    """Jobs of one reference frame, so many at a time."""
+    for reference in sorted({job.reference for job in jobs}):
+        some = [job for job in jobs if job.reference == reference]
+        for start in range(0, len(some), BATCH):
+            yield some[start : start + BATCH]
 
 
 def window_frames(visibility):
