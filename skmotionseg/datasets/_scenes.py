@@ -481,7 +481,7 @@ def _one_motion(settings, rng):
 def _dense(settings, rng):
     if rng.uniform() < 0.4:
         camera, surface, _ = _street(settings, rng)
-        depth = (8, 20)
+        depth = (8.0, 20.0)
     else:
         camera, surface, _ = _hand_held(settings, rng)
         depth = (0.8, 3)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS
+from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, RigidMotion
 from ..labels import groups_of, indicator
 from .local_search import split
 
@@ -42,10 +42,23 @@ INLIER_SCALES = 2.5
 
 
 class Apartness(NamedTuple):
-    """Whether two groups are different motions: log odds, and the motion of both."""
+    """Whether two groups are different motions.
+
+    Attributes
+    ----------
+    log_odds : float
+    joint : RigidMotion
+        The motion that explains both best.
+    gain : float
+        By how much worse it does than their own two (see ``_gain``).
+    cut : float
+        The share of the smaller group's links that go to the other.
+    """
 
     log_odds: float
-    joint: object
+    joint: RigidMotion
+    gain: float
+    cut: float
 
 
 def _log_odds(apartness):
@@ -73,6 +86,11 @@ class RigidSearch:
     windows : Windows
     affinity : ndarray of shape (n, n)
         Sparse; its diagonal does not count.
+
+    Attributes
+    ----------
+    apart : dict of (bytes, bytes) to Apartness
+        Of all pairs of groups, by their positions, to which a joint motion was fitted.
     """
 
     def __init__(self, windows, affinity):
@@ -80,7 +98,7 @@ class RigidSearch:
         self.affinity = affinity - np.diag(np.diagonal(affinity))
         self.degrees = self.affinity.sum(axis=1)
         self.scale = windows.least_noise
-        self._motions, self._apart, self._apart_by_own = {}, {}, {}
+        self._motions, self.apart, self._apart_by_own = {}, {}, {}
 
     def calibrate(self, labels):
         """Choose focal length and scale of the noise by the larger groups of labels."""
@@ -261,7 +279,7 @@ class RigidSearch:
 
     def _apartness(self, pair):
         """The :class:`Apartness` of two groups, computed once."""
-        if pair.key not in self._apart:
+        if pair.key not in self.apart:
             best = self._by_own_motions(pair)
             both = [np.union1d(*pair.groups)]
             if best.log_odds > 0:
@@ -270,8 +288,8 @@ class RigidSearch:
             if best.log_odds > 0:
                 joint = self.windows.fit(both)
                 best = min(best, self._apartness_by(pair, joint), key=_log_odds)
-            self._apart[pair.key] = best
-        return self._apart[pair.key]
+            self.apart[pair.key] = best
+        return self.apart[pair.key]
 
     def _apartness_by(self, pair, joints):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
@@ -279,7 +297,8 @@ class RigidSearch:
         links = self.affinity[np.ix_(small, large)].sum()
         cut = links / max(self.affinity[small].sum(), np.finfo(float).tiny)
         gain, joint = self._gain(pair.groups, pair.motions, joints)
-        return Apartness(float(GAIN_WEIGHT * gain - LINK_WEIGHT * cut + PRIOR), joint)
+        log_odds = GAIN_WEIGHT * gain - LINK_WEIGHT * cut + PRIOR
+        return Apartness(float(log_odds), joint, float(gain), float(cut))
 
     def _gain(self, groups, own, joints):
         """How much worse the best of some motions is for two groups than their own.
