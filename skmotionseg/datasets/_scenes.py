@@ -484,7 +484,7 @@ def _dense(settings, rng):
         depth = (8.0, 20.0)
     else:
         camera, surface, _ = _hand_held(settings, rng)
-        depth = (0.8, 3)
+        depth = (0.8, 3.0)
 
     def draw(placed):
         return _thing(
@@ -826,19 +826,18 @@ def _draw_things(camera, surface, draw, settings, chosen, rng):
         things.append(_Thing(background_motion(camera), surface, *still, np.inf))
         probes.append(_probe(things[0], camera, settings, chosen, rng))
     while len(things) < settings.n_motions:
-        best = None
-        for attempt in range(4 * N_DRAWS):
-            if attempt >= N_DRAWS and best[0] >= 0.1:  # seen, at least
-                break
+        drawn: list[tuple[float, _Thing, tuple]] = []  # merit, thing, probe
+        while len(drawn) < 4 * N_DRAWS:
             thing = draw(things)
             probe = _probe(thing, camera, settings, chosen, rng)
             merit = _merit(thing, probe, things, probes, camera, settings)
-            if best is None or merit > best[0]:
-                best = merit, thing, probe
-            if merit >= 1:
+            drawn.append((merit, thing, probe))
+            highest = max(each[0] for each in drawn)
+            if highest >= (1 if len(drawn) < N_DRAWS else 0.1):  # 0.1: seen, at least
                 break
-        things.append(best[1])
-        probes.append(best[2])
+        _, thing, probe = max(drawn, key=lambda each: each[0])
+        things.append(thing)
+        probes.append(probe)
     shares = [max(len(probe[0]) / N_PROBES, 0.05) for probe in probes]
     return things, shares
 
@@ -851,15 +850,16 @@ def _probe(thing, camera, settings, chosen, rng):
 
 def _merit(thing, probe, things, probes, camera, settings):
     """1 if a thing is seen and tells itself from the others, less if it does not."""
-    share = len(probe[0]) / N_PROBES
+    points, seen = probe
+    share = len(points) / N_PROBES
     if share < PROBES_SEEN:
         return 0.1 * share / PROBES_SEEN
-    length = probe[1].sum(axis=1).mean()
+    length = seen.sum(axis=1).mean()
     growth = settings.drift * length / 6 * (1 + settings.inertia)
     noise = settings.noise * np.sqrt(1 + growth)
     apart = np.inf
     if things:
-        theirs = misfits(*probe, [other.motion for other in things], camera, 2)
+        theirs = misfits(points, seen, [other.motion for other in things], camera, 2)
         apart = np.quantile(theirs.min(axis=0), 0.05)
         points = np.concatenate([other[0] for other in probes])
         seen = np.concatenate([other[1] for other in probes])
@@ -963,7 +963,7 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     extra = rng.multinomial(n_outliers, sizes / sizes.sum())
     objects = range(int(has_background), n_motions)
     discs = {motion: _occluder(things[motion], camera, rng) for motion in objects}
-    points, seen = [], []
+    parts = []
     for motion, thing in enumerate(things):
         others = [disc for other, disc in discs.items() if other != motion]
         size = sizes[motion] + extra[motion]
@@ -971,9 +971,8 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
         filled = _fill(thing, size, share, others, *options)
         if len(filled[0]) < size:  # hidden: then nothing hides it
             filled = _fill(thing, size, share, [], *options)
-        points.append(filled[0])
-        seen.append(filled[1])
-    found = np.array([len(each) for each in points])
+        parts.append(filled)
+    found = np.array([len(part[0]) for part in parts])
     sizes = np.minimum(sizes, found)  # where few are seen, there are fewer outliers
     target = np.concatenate(
         [
@@ -982,14 +981,14 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
         ]
     )
     motion_of = np.repeat(np.arange(n_motions), found)
-    points, seen = np.concatenate(points), np.concatenate(seen)
+    points, seen = map(np.concatenate, zip(*parts, strict=True))
     points, seen = _spoil(points, seen, target, motion_of, camera, chosen, rng)
     target, order = _largest_first(target, n_motions)
     background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
-    noise = [settings[name] for name in _NOISES]
-    errors = tracker_noise(points, seen, *noise, rng)
+    noise = {name: settings[name] for name in _NOISES}
+    errors = tracker_noise(points, seen, **noise, rng=rng)
     motions = [things[motion].motion for motion in order]
     separations, separation = _separation(
         points + errors, seen, target, motions, camera, rng
