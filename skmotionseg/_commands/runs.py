@@ -23,6 +23,8 @@ from .checkpoints import run_key
 from .region_runs import REGION_LOADERS, has_regions, measure_regions
 from .video_runs import VIDEO_LOADERS, has_frames, measure_video
 
+PACKAGE = Path(__file__).parents[1]
+
 LOADERS = {
     "Hopkins155": load_hopkins155,
     "Hopkins12": load_hopkins12,
@@ -154,7 +156,8 @@ def digest_of(sequence):
 def _digest_of_code():
     """A name for this package as it is, which a version is not while it is written."""
     digest = hashlib.blake2b(digest_size=16)
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(f"{path.relative_to(PACKAGE).as_posix()}\0".encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

@@ -17,6 +17,7 @@ from helpers.track_files import write_struct
 from joblib import parallel_config
 from sklearn.model_selection import GridSearchCV, KFold
 
+import skmotionseg
 from skmotionseg import MotionSegmenter, PerSequence, cli
 from skmotionseg._commands import runs
 from skmotionseg._commands.checkpoints import Journal, run_key
@@ -177,7 +178,7 @@ def test_what_has_changed_is_run_again(data, tmp_path, counted, monkeypatch):
     assert cli.main(options) == 0
     counted.clear()
     with monkeypatch.context() as patch:
-        patch.setattr(runs, "METHODS", {**runs.METHODS, "affine": {"top": 0.2}})
+        patch.setattr(runs, "METHODS", {**runs.METHODS, "affine": {"n_hypotheses": 99}})
         assert cli.main(options) == 0
     assert len(counted) == n_runs / 2  # of the method that has changed
     for name, value in (("__version__", "9"), ("_digest_of_code", lambda: "other")):
@@ -199,6 +200,27 @@ def test_what_has_changed_is_run_again(data, tmp_path, counted, monkeypatch):
     counted.clear()
     assert cli.main(options) == 0
     assert counted == []
+
+
+def test_any_code_of_the_package_that_changes_is_noticed(tmp_path, monkeypatch):
+    package = Path(skmotionseg.__file__).parent
+    assert package == runs.PACKAGE
+    copy = tmp_path / "skmotionseg"
+    shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    digest = runs._digest_of_code.__wrapped__  # which keeps nothing
+    as_it_is = digest()
+    monkeypatch.setattr(runs, "PACKAGE", copy)
+    assert digest() == as_it_is
+    for name in ("segmentation.py", "_core/geometry/epipolar.py", "_commands/runs.py"):
+        path = copy / name
+        before = path.read_bytes()
+        path.write_bytes(before + b"\n")
+        assert digest() != as_it_is
+        path.write_bytes(before)
+        path.rename(path.with_name("moved.py"))
+        assert digest() != as_it_is
+        path.with_name("moved.py").rename(path)
+    assert digest() == as_it_is
 
 
 @kills
