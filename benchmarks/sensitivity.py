@@ -91,8 +91,9 @@ class Constant:
 
     @property
     def of_kernel(self):
-        """Whether it is a parameter of the segmenter's kernel."""
-        return self.module is None and self.name in ORKKernel().get_params()
+        """Whether it is a parameter of the segmenter's kernel, and not its own."""
+        own, of_kernel = MotionSegmenter().get_params(), ORKKernel().get_params()
+        return self.module is None and self.name in of_kernel and self.name not in own
 
     @property
     def value(self):

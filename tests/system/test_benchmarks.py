@@ -204,8 +204,12 @@ def test_each_constant_is_halved_and_doubled_for_a_while(constant):
     for setting in (halved, doubled):
         assert not np.array_equal(setting.value, before)
         with sensitivity.in_force(setting):
-            ours = MotionSegmenter(**setting.parameters)
-            given = getattr(ours, constant.name, constant.value)
+            if constant.module is None:
+                ours = MotionSegmenter(**setting.parameters)
+                holder = ours.kernel if constant.of_kernel else ours
+                given = getattr(holder, constant.name)
+            else:
+                given = constant.value
             assert np.array_equal(given, setting.value)
     assert constant.value is before
 
