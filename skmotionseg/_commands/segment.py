@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -267,7 +268,8 @@ def _count_table(report):
     """A row per number of motions: its costs, and why it was chosen or not."""
     table = require("rich.table", extra="cli").Table()
     for title in ("motions", *report.term_names, "total"):
-        table.add_column(title, justify="right")
+        # Broken here, so that narrow screens leave the width to the verdicts.
+        table.add_column(fill(title, 12, break_long_words=False), justify="right")
     table.add_column("")
     for each in report.counts:
         table.add_row(
