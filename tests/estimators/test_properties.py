@@ -51,8 +51,8 @@ REFUSALS = {
     "landmarks": r"n_landmarks=\d+ is more than the tracks \(n_samples=\d+\)",
     "groups": r"(n|min)_clusters=\d+ is more than the \d+ tracks that have an affinity "
     r"to another \(n_samples=\d+\)$",
-    "columns": r"residual columns come in groups of n_hypotheses=\d+, one a frame "
-    r"pair; got \d+ columns$",
+    "columns": r"residual columns come in groups of n_hypotheses=\d+, one per "
+    r"frame pair; got \d+ columns$",
     "square": r"stacked affinities need shape \(n, n_views \* n\), square blocks side "
     r"by side; got \(\d+, \d+\)$",
     "no columns": r"Found array with 0 feature\(s\)",
