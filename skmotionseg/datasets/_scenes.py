@@ -209,12 +209,7 @@ def _thing(
     turn = direction(rng) * np.radians(_log_uniform(rng, max(spin[0], 0.02), spin[1]))
     if sway:
         reach = rng.uniform(0.05, 0.2) * unit * np.array([1, 0.6, along])
-        local = centre + reach * smooth(n_frames, rng, period=60)
-        turned = rotation_matrices(
-            np.radians(25) * rng.uniform(0.2, 1) * smooth(n_frames, rng, period=60)
-        )
-        positions = np.einsum("fij,fj->fi", camera.rotations, local) + camera.positions
-        rotations = camera.rotations @ turned
+        rotations, positions = _to_and_fro(camera, centre, reach, rng)
     else:
         speed = min(_log_uniform(rng, *flow), 0.6 / n_frames) * unit
         heading = rng.uniform(0, 2 * np.pi)
@@ -227,6 +222,17 @@ def _thing(
         positions = local @ camera.rotations[middle].T + camera.positions[middle]
         rotations = camera.rotations[middle] @ rotation_matrices(steps[:, None] * turn)
     return _as_thing(camera, rotations, positions, _surface(rng, radius, shape), radius)
+
+
+def _to_and_fro(camera, centre, reach, rng):
+    """A path about a point that goes along with the camera."""
+    n_frames = len(camera.positions)
+    local = centre + reach * smooth(n_frames, rng, period=60)
+    turned = rotation_matrices(
+        np.radians(25) * rng.uniform(0.2, 1) * smooth(n_frames, rng, period=60)
+    )
+    positions = np.einsum("fij,fj->fi", camera.rotations, local) + camera.positions
+    return camera.rotations @ turned, positions
 
 
 def _surface(rng, radius, shape=None):
@@ -687,6 +693,8 @@ def make_scene(
     Returns
     -------
     scene : Bunch
+        Tracks, and what they were made of.
+
         data : ndarray of shape (n_tracks, 2 * n_frames)
             Pixels; NaN where unseen.
         target : ndarray of int, shape (n_tracks,)
@@ -955,7 +963,8 @@ def _fill(thing, size, share, occluders, camera, settings, chosen, rng):
     return np.concatenate(points), np.concatenate(seen)
 
 
-def _film(family, camera, things, shares, has_background, settings, chosen, rng):
+def _tracks(camera, things, shares, has_background, settings, chosen, rng):
+    """Points of all things, frames seen in, and motions; -1 is of those of none."""
     n_motions = len(things)
     n_outliers = round(settings.outliers * settings.n_tracks)
     n_inliers = settings.n_tracks - n_outliers
@@ -983,7 +992,14 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     motion_of = np.repeat(np.arange(n_motions), found)
     points, seen = map(np.concatenate, zip(*parts, strict=True))
     points, seen = _spoil(points, seen, target, motion_of, camera, chosen, rng)
-    target, order = _largest_first(target, n_motions)
+    return points, seen, target
+
+
+def _film(family, camera, things, shares, has_background, settings, chosen, rng):
+    points, seen, target = _tracks(
+        camera, things, shares, has_background, settings, chosen, rng
+    )
+    target, order = _largest_first(target, len(things))
     background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
