@@ -444,7 +444,7 @@ ERRORS = {
     "segment {scene} --split-dir nowhere/motions": "nowhere",
     "demo --out nowhere/demo.png": "nowhere",
     "demo --out demo.txt": "end in .* got demo.txt",
-    f"{BENCH} nowhere": "none of the folders Hopkins155, .* KT3DMoSeg is in nowhere",
+    f"{BENCH} nowhere": "none of the folders Hopkins155, .* DAVIS16 is in nowhere",
     f"{BENCH} {{data}} --datasets MTPV62": r"no file \*_Tracks.mat in .*MTPV62",
     f"{BENCH} {{data}} --json nowhere/records.json": "nowhere",
 }
