@@ -349,11 +349,14 @@ def rigid_partition(search, labels, over_segments, counts, candidates, bisect):
         found += [search.descent(some, fewest, SURE) for some in over_segments]
     sizes = [int(some.max()) + 1 for _, some, _ in found]
     n_motions = max((size for size in sizes if size <= most), default=most)
-    starts = [
-        *(some for _, some, _ in found if some.max() + 1 >= n_motions),
-        *(some for some in over_segments if some.max() + 1 >= n_motions),
+    starts = [some for _, some, _ in found]
+    if fewest == most:
+        starts += over_segments
+    partitions = [
+        search.descent(some, n_motions, np.inf)
+        for some in starts
+        if some.max() + 1 >= n_motions
     ]
-    partitions = [search.descent(some, n_motions, np.inf) for some in starts]
     partitions += [search.settled(some) for some in candidates(n_motions)]
     partitions = [each for each in partitions if each[1].max() + 1 == n_motions]
     if not partitions:
