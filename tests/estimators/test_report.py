@@ -277,6 +277,7 @@ def test_counts_that_are_of_the_same_cost_are_told_from_others(reported):
 def test_a_search_says_which_counts_it_passed_over(monkeypatch):
     """Where motions must gain more than they can, one motion is the answer."""
     monkeypatch.setattr("skmotionseg._core.partition.cost.GAIN_OF_CUT", 1e9)
+    monkeypatch.setattr("skmotionseg._core.partition.rigid_search.SURE", np.inf)
     X, _ = make_rigid_motions(140, 8, random_state=0)
     segmenter = MotionSegmenter(n_hypotheses=100, max_motions=4, random_state=0).fit(X)
     report = segmenter.report(X)
@@ -289,6 +290,17 @@ def test_a_search_says_which_counts_it_passed_over(monkeypatch):
             first, second = each.gainless_pair
             assert 0 <= first < second < each.n_motions
             assert each.verdict == f"motions {first} and {second} gain too little"
+
+
+def test_rigid_motion_finds_what_frame_pairs_pass_over(monkeypatch):
+    """Motions that gain too little per frame pair are apart over many frames."""
+    monkeypatch.setattr("skmotionseg._core.partition.cost.GAIN_OF_CUT", 1e9)
+    X, y = make_rigid_motions(140, 8, random_state=0)
+    segmenter = MotionSegmenter(n_hypotheses=100, max_motions=4, random_state=0).fit(X)
+    assert segmenter.n_motions_ == y.max() + 1
+    (chosen,) = (each for each in segmenter.report(X).counts if each.chosen)
+    assert chosen.verdict == "chosen"
+    assert chosen.gainless_pair is None
 
 
 def test_pairs_follow_their_groups():

@@ -20,7 +20,12 @@ from joblib import parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GridSearchCV, KFold
 
-from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
+from skmotionseg import (
+    MotionSegmenter,
+    ORKKernel,
+    PerSequence,
+    make_motion_pipeline,
+)
 from skmotionseg._segmenter import views
 from skmotionseg.datasets import make_rigid_motions
 
@@ -111,7 +116,7 @@ def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
     def fit():
         found = GridSearchCV(
             PerSequence(MotionSegmenter(2, selection="ncre", **SMALL)),
-            {"estimator__sparsity": [2, 6]},
+            {"estimator__kernel": [ORKKernel(sparsity=2), ORKKernel(sparsity=6)]},
             cv=KFold(2),
             error_score="raise",
         ).fit(*sequences)

@@ -13,7 +13,12 @@ from joblib import parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.model_selection import GridSearchCV, KFold
 
-from skmotionseg import MotionSegmenter, PerSequence, make_motion_pipeline
+from skmotionseg import (
+    MotionSegmenter,
+    ORKKernel,
+    PerSequence,
+    make_motion_pipeline,
+)
 from skmotionseg._parallel.engine import run_tasks
 from skmotionseg._parallel.tasks import Task
 from skmotionseg.datasets import make_rigid_motions
@@ -73,7 +78,7 @@ def test_searches(engine, sequences):
     def fit():
         found = GridSearchCV(
             PerSequence(MotionSegmenter(2, selection="ncre", **SMALL)),
-            {"estimator__sparsity": [2, 6]},
+            {"estimator__kernel": [ORKKernel(sparsity=2), ORKKernel(sparsity=6)]},
             cv=KFold(2),
             error_score="raise",
         ).fit(*sequences)

@@ -139,7 +139,10 @@ def search_partitions(
             chosen = int(refined.max()) + 1
             best[chosen] = (clip.judge.cost(refined), refined)
             gainless.pop(chosen, None)  # that was another partition
+    frame_pairs_choice = best[chosen][1]
     chosen = _prefer_rigid_motion(best, chosen, clip, counts, cluster)
+    if not np.array_equal(best[chosen][1], frame_pairs_choice):
+        gainless.pop(chosen, None)
     explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
