@@ -35,7 +35,7 @@ TRACKED = ("segment", "{video}", "--motions", "2", "--grid", "12", "--jobs", "2"
 COMMANDS = {
     "tracking": ("skmotionseg.video._tracking._refine", TRACKED),
     "writing a video": (
-        "skmotionseg.video._rendering._Pen.draw",
+        "skmotionseg.video._rendering._Brush.draw",
         (*TRACKED, "--render", "{out}/motions.mp4"),
     ),
     "writing labels": (
