@@ -54,7 +54,7 @@ REFUSALS = {
     "columns": r"residual columns come in groups of n_hypotheses=\d+, one per "
     r"frame pair; got \d+ columns$",
     "square": r"stacked affinities need shape \(n, n_views \* n\), square blocks side "
-    r"by side; got \(\d+, \d+\)$",
+    r"by side; got \(\d+, \d+\) \(the rows of a fold are no stacked affinities: ",
     "no columns": r"Found array with 0 feature\(s\)",
     "symmetric": r"affinities need to be symmetric; entries of view \d differ from "
     r"their transposes by up to ",

@@ -295,7 +295,7 @@ def test_a_search_says_which_counts_it_passed_over(monkeypatch):
 def test_rigid_motion_finds_what_frame_pairs_pass_over(monkeypatch):
     """Motions that gain too little per frame pair are apart over many frames."""
     monkeypatch.setattr("skmotionseg._core.partition.cost.GAIN_OF_CUT", 1e9)
-    X, y = make_rigid_motions(140, 8, random_state=0)
+    X, y = make_rigid_motions(300, 16, random_state=0)
     segmenter = MotionSegmenter(n_hypotheses=100, max_motions=4, random_state=0).fit(X)
     assert segmenter.n_motions_ == y.max() + 1
     (chosen,) = (each for each in segmenter.report(X).counts if each.chosen)

@@ -18,7 +18,7 @@ from joblib import parallel_config
 from sklearn.model_selection import GridSearchCV, KFold
 
 import skmotionseg
-from skmotionseg import MotionSegmenter, PerSequence, cli
+from skmotionseg import MotionSegmenter, ORKKernel, PerSequence, cli
 from skmotionseg._commands import runs
 from skmotionseg._commands.checkpoints import Journal, run_key
 from skmotionseg.datasets import make_rigid_motions
@@ -283,7 +283,7 @@ def test_an_interrupted_search_goes_on(tmp_path, monkeypatch):
         segmenter = Interrupted(2, **settings)
         return GridSearchCV(
             PerSequence(segmenter, **memory),
-            {"estimator__sparsity": [3.0, 6.0]},
+            {"estimator__kernel": [ORKKernel(sparsity=3.0), ORKKernel(sparsity=6.0)]},
             cv=KFold(2),
             refit=False,
         )

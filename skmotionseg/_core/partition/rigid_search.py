@@ -33,6 +33,8 @@ GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.05, 39.0, -0.2
 ALIKE = 0.1
 # Log odds by which a number of motions must be surer than the one it replaces.
 SURE = 2.0
+# Nats per track that another partition into as many motions must save.
+LEAST_SAVED = 0.2
 # Pairs of groups that a joint motion is fitted to before the others.
 JOINTLY_FITTED = 3
 # Changes of a partition that are made at most; one or two are usual.
@@ -145,6 +147,12 @@ class RigidSearch:
         tracks = np.arange(len(labels))
         own = self.costs(motions)[tracks, labels].sum()
         return float(own - NATS_OF_LINKS * self._linked(labels)[tracks, labels].sum())
+
+    def fitted_energy(self, labels):
+        """The energy of a partition as it is, its motions fitted to their inliers."""
+        motions = self.motions(labels)
+        refitted = self._refitted(labels, motions)
+        return min(self.energy(labels, each) for each in (motions, refitted))
 
     def settled(self, labels, motions=None, rounds=2):
         """Assign tracks and fit motions in turn, for as long as that saves nats.
@@ -340,7 +348,8 @@ def rigid_partition(search, labels, over_segments, counts, candidates, bisect):
     ndarray of int, shape (n,)
         There are more motions than in ``labels`` where the groups that are left of an
         over-segmentation are surely apart. Of the partitions of that number the one of
-        the lowest energy, after local search.
+        the lowest energy, after local search; ``labels`` if that saves too little to be
+        sure, as where depth could be motion.
     """
     fewest, most = int(counts[0]), int(counts[-1])
     search.calibrate(over_segments[0])
@@ -362,7 +371,11 @@ def rigid_partition(search, labels, over_segments, counts, candidates, bisect):
     if not partitions:
         return labels
     best = min(partitions, key=lambda each: each[0])
-    return _improved(search, best, bisect)[1]
+    energy, improved, _ = _improved(search, best, bisect)
+    if n_motions == labels.max() + 1:
+        saved = search.fitted_energy(labels) - energy
+        return improved if saved > LEAST_SAVED * len(labels) else labels
+    return improved
 
 
 def _improved(search, best, bisect):

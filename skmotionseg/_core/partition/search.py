@@ -139,10 +139,7 @@ def search_partitions(
             chosen = int(refined.max()) + 1
             best[chosen] = (clip.judge.cost(refined), refined)
             gainless.pop(chosen, None)  # that was another partition
-    frame_pairs_choice = best[chosen][1]
-    chosen = _prefer_rigid_motion(best, chosen, clip, counts, cluster)
-    if not np.array_equal(best[chosen][1], frame_pairs_choice):
-        gainless.pop(chosen, None)
+    chosen = _prefer_rigid_motion(best, chosen, gainless, clip, counts, cluster)
     explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
@@ -156,21 +153,16 @@ def search_partitions(
     )
 
 
-def _prefer_rigid_motion(best, chosen, clip, counts, cluster):
+def _prefer_rigid_motion(best, chosen, gainless, clip, counts, cluster):
     """The number of motions that rigid motion over windows prefers.
 
-    Its partition becomes the one of that number in ``best``.
+    Its partition becomes the one of that number in ``best``, and is not gainless.
     """
-    n_tracks, n_frames = clip.visibility.shape
-    if n_frames < FEWEST_SEEN or n_tracks < FEWEST_FOR_RIGID or counts[-1] == 1:
-        return chosen
-    windows = Windows(clip.points, clip.visibility)
-    if np.mean(windows.freedom.any(axis=1)) < SHARE_IN_WINDOWS:
-        return chosen
-    most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), n_tracks)
+    windows = _windows(clip)
+    most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), len(clip.points))
     graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
     graphs = [graph for graph in graphs if graph.n_leading > 1]
-    if not graphs:
+    if windows is None or not graphs or counts[-1] == 1:
         return chosen
 
     def clustered(n_motions):
@@ -181,22 +173,31 @@ def _prefer_rigid_motion(best, chosen, clip, counts, cluster):
         ]
 
     before = best[chosen][1]
-    labels = canonical_labels(
-        rigid_partition(
-            RigidSearch(windows, clip.sparse[-1].sum(axis=0)),
-            before,
-            [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs],
-            counts,
-            lambda n_motions: [
-                *clustered(n_motions),
-                *([before] if before.max() + 1 == n_motions else []),
-            ],
-            partial(_bisect, clip, cluster),
-        )
+    labels = rigid_partition(
+        RigidSearch(windows, clip.sparse[-1].sum(axis=0)),
+        before,
+        [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs],
+        counts,
+        clustered,
+        partial(_bisect, clip, cluster),
     )
+    if np.array_equal(labels, before):
+        return chosen
+    labels = canonical_labels(labels)
     chosen = int(labels.max()) + 1
     best[chosen] = (clip.judge.cost(labels), labels)
+    gainless.pop(chosen, None)
     return chosen
+
+
+def _windows(clip):
+    """Windows in which rigid motions are fitted; None where they would tell little."""
+    n_tracks, n_frames = clip.visibility.shape
+    if n_frames < FEWEST_SEEN or n_tracks < FEWEST_FOR_RIGID:
+        return None
+    windows = Windows(clip.points, clip.visibility)
+    enough = np.mean(windows.freedom.any(axis=1)) >= SHARE_IN_WINDOWS
+    return windows if enough else None
 
 
 def _put(positions, values, n, other):
