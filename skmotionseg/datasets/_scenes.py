@@ -693,34 +693,28 @@ def make_scene(
     Returns
     -------
     scene : Bunch
-        Tracks, and what they were made of.
+        Tracks, and what they were made of:
 
-        data : ndarray of shape (n_tracks, 2 * n_frames)
-            Pixels; NaN where unseen.
-        target : ndarray of int, shape (n_tracks,)
-            0, 1, ... with the largest motion first, -1 for tracks of no motion.
-        truth : ndarray of shape (n_tracks, 2 * n_frames)
-            The same tracks without noise.
-        n_motions : int
-        background : int
-            Label of what stands still in the world, -1 if nothing does.
-        separation : float
-            Share of the tracks of motions that their own motion explains best, of all
-            true motions, each with the depth that fits best. Of 300 tracks if
-            there are more. 1 if there is one motion.
-        separations : ndarray of shape (n_motions,)
-            The same within each motion.
-        rotations : ndarray of shape (n_motions, n_frames, 3, 3)
-            From the coordinates of each thing to those of the camera.
-        translations : ndarray of shape (n_motions, n_frames, 3)
-        focal : float
-            Pixels. The principal point is the middle of the image.
-        image_size : ndarray of shape (2,)
-            Width and height, pixels.
-        family : str
-        settings : dict
-            What was drawn.
-        DESCR : str
+        - ``data``, ndarray of shape (n_tracks, 2 * n_frames): pixels, NaN where unseen;
+        - ``target``, ndarray of int, shape (n_tracks,): 0, 1, ... with the largest
+          motion first, -1 for tracks of no motion;
+        - ``truth``, ndarray of shape (n_tracks, 2 * n_frames): the same tracks without
+          noise;
+        - ``n_motions``, int;
+        - ``background``, int: label of what stands still in the world, -1 if nothing
+          does;
+        - ``separation``, float: share of the tracks of motions that their own motion
+          explains best, of all true motions, each with the depth that fits best. Of 300
+          tracks if there are more; 1 if there is one motion;
+        - ``separations``, ndarray of shape (n_motions,): the same within each motion;
+        - ``rotations``, ndarray of shape (n_motions, n_frames, 3, 3), and
+          ``translations``, ndarray of shape (n_motions, n_frames, 3): from the
+          coordinates of each object to those of the camera;
+        - ``focal``, float: pixels; the principal point is the middle of the image;
+        - ``image_size``, ndarray of shape (2,): width and height, pixels;
+        - ``family``, str;
+        - ``settings``, dict: what was drawn;
+        - ``DESCR``, str.
 
     Raises
     ------

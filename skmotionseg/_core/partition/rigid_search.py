@@ -34,7 +34,7 @@ ALIKE = 0.1
 # Log odds by which a number of motions must be surer than the one it replaces.
 SURE = 2.0
 # Nats per track that another partition into as many motions must save.
-LEAST_SAVED = 0.2
+LEAST_SAVED = 0.3
 # Pairs of groups that a joint motion is fitted to before the others.
 JOINTLY_FITTED = 3
 # Changes of a partition that are made at most; one or two are usual.
