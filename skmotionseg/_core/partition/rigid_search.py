@@ -13,13 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, RigidMotion
 from ..labels import groups_of, indicator
 from .local_search import split
 
-# Degrees of freedom of the Student-t distribution of a track's residuals, and the
-# scale of these in units of what over-segments leave.
-FREEDOM = 3.0
+# The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
