@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._utils.optional import require
 from .._utils.writing import check_output, replacing
-from .console import count, with_progress
+from .console import count, progress_console, with_progress
 
 METHODS_HELP = (
     "methods to run (default: all): those of the paper, which choose the number of "
@@ -79,7 +79,7 @@ def _run_bench(arguments):
             batches,
             len(sequences) * arguments.seeds,
             f"{len(sequences)} sequences, {arguments.seeds} seeds",
-            console,
+            progress_console(),
         )
         records = sorted(
             (record for batch in batches for record in batch),
