@@ -3,12 +3,12 @@ How many motions? Reading the costs
 ===================================
 
 With ``n_motions="auto"``, each number of motions from ``min_motions`` to
-``max_motions`` is tried, and ``costs_`` says what the best partition into so many
-costs: its normalised cut, its description length per observation, in nats, and the sum
-of the two, the cut weighted by 0.3.
+``max_motions`` is tried. ``costs_`` holds the costs of the best partition for each
+number: its normalised cut, its description length per observation, in nats, and the sum
+of the two, with a weight of 0.3 for the cut.
 
-Cutting more affinities costs more, and explaining the tracks by fewer motions costs
-more: the total has its least value between.
+The cut grows with the number of motions, and the description length decreases, so the
+total has a minimum in between.
 """
 
 import matplotlib.pyplot as plt
@@ -24,10 +24,10 @@ for count, (cut, nats, total) in zip(segmenter.counts_, segmenter.costs_, strict
 print(f"chosen: {segmenter.n_motions_} (true: {len(set(y))})")
 
 # %%
-# Where two totals are close, both partitions may be of interest:
-# ``candidate_labels_[i]`` is the best partition into ``counts_[i]`` motions. A number
-# whose total is least is still passed over if two of its motions gain nothing by being
-# apart.
+# If two totals are close, both partitions may be of interest:
+# ``candidate_labels_[i]`` is the best partition into ``counts_[i]`` motions. The number
+# of the lowest total is not chosen if two of its motions gain too little from being
+# separate.
 
 cut, nats, total = segmenter.costs_.T
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
