@@ -25,9 +25,9 @@ print(f"outliers: {wandering.sum()}, rejected: {(wandering & ~kept).sum()}")
 print(f"inliers: {(~wandering).sum()}, rejected: {(~wandering & ~kept).sum()}")
 
 # %%
-# Rejected tracks get the label -1 and are drawn as crosses. True outliers are circled: a
-# circle without a cross is an outlier that was kept, a cross without a circle an inlier
-# that was rejected.
+# Rejected tracks get the label -1 and are drawn as crosses. True outliers are circled:
+# a circle without a cross is an outlier that was kept, a cross without a circle an
+# inlier that was rejected.
 
 first, last = 4, 7
 figure, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")

@@ -39,8 +39,8 @@ with tempfile.TemporaryDirectory() as memory:
             errors[i, j] = misclassification_error(y, pipeline.fit_predict(X))
 
 # %%
-# Each dot is a scene, each bar a mean. Homographies alone fail in one scene, fundamental
-# matrices alone in others; their combinations are better.
+# Each dot is a scene, each bar a mean. Homographies alone fail in one scene,
+# fundamental matrices alone in others; their combinations are better.
 
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 names = ["+".join(subset) for subset in subsets]

@@ -59,11 +59,11 @@ class PartitionSearch:
         Two motions that gain too little from being apart, for each count that was
         passed over for it; -1 for others.
     cost_names : (str, str)
-        What the two terms of the costs are.
+        Names of the two terms of the costs.
     cost_weights : (float, float)
         Their weights in the total.
     cost_tolerance : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     """
 
     counts: np.ndarray
