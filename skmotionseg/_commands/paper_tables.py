@@ -74,7 +74,8 @@ def _table(summary, dataset):
     first = summary[dataset, ALL_MODELS[0]]
     table = require("rich.table", extra="cli").Table(
         title=f"{dataset}: {first['n_sequences']} sequences ({PARTS[dataset]}), "
-        f"{first['n_seeds']} seeds; percent, [best exponent]; paper's figure below",
+        f"{first['n_seeds']} seeds; percent, best exponent in brackets; the paper's "
+        "figure below",
         title_justify="left",
     )
     table.add_column("method", no_wrap=True)
