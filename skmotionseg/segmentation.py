@@ -26,7 +26,7 @@ from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.motions import fit_motions
-from ._core.partition.search import SPARSITIES, search_partitions
+from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
 from ._segmenter.memory import number_of_landmarks
@@ -162,10 +162,10 @@ estimator, default="description_length"
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each number, two terms, such as the normalised cut and the description
-        length per observation, and their weighted sum. The number with the lowest sum
-        is chosen; with ``selection="description_length"``, only if each two of its
-        motions gain from being separate.
+        For each number, two terms, such as the share of the links that go to other
+        motions and the nats per track, and their weighted sum. The number with the
+        lowest sum is chosen; with ``selection="description_length"``, only if each two
+        of its motions gain from being separate.
     cost_names_ : (str, str)
         Names of the two terms.
     cost_weights_ : (float, float)
@@ -179,6 +179,15 @@ estimator, default="description_length"
     gainless_pairs_ : ndarray of int, shape (n_counts, 2)
         For each number, two motions of its partition that gain too little from being
         separate, if it was rejected for this reason; otherwise -1.
+    log_odds_ : ndarray of shape (n_counts,)
+        For each number, the log odds that the two most similar motions of its partition
+        are two and not one. NaN where they are not computed: for the fewest motions,
+        for a given number, and where partitions are compared by fundamental matrices of
+        frame pairs (two images, fewer than 40 tracks, or tracks seen in fewer than
+        three frames of a window).
+    count_probabilities_ : ndarray of shape (n_counts,)
+        Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
+        where frame pairs are used.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         Indices of the tracks that were fitted.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
@@ -457,6 +466,8 @@ estimator, default="description_length"
         self.gainless_pairs_ = follow_pairs(
             found.gainless, found.labels, self.candidate_labels_[:, self.landmarks_]
         )
+        self.log_odds_ = _or_unknown(found.log_odds, found.counts)
+        self.count_probabilities_ = count_probabilities(found.counts, self.log_odds_)
         self.n_motions_ = int(self.labels_.max()) + 1
         self._keep_motions(points, visibility, affinities)
         self._known = dict(zip(_digests(points), self.labels_.tolist(), strict=True))
@@ -578,11 +589,12 @@ estimator, default="description_length"
                       links to  nats per
         motions  other motions     track   total
         ---...---
-              1         0.0...    9.3...  9.3...  cost higher by ...
-              2         0.0...    4.3...  4.4...  cost higher by ...
-              3         0.0...    2.7...  2.7...  chosen
-        ...
+              1         0.0...    9...     9...   cost higher by ...
+              2         0.0...    4...     4...   cost higher by ...
+              3         0.0...    2.7...   2.7...  chosen
+              4         0.0...    2.7...   3.0...  motions 0 and 2 are one (99 %)
         total = 4 x links to other motions + nats per track
+        Number of motions: 3 with 99 %; next, ...
         """
         check_is_fitted(self)
         return make_report(self, *self._read_tracks(X, reset=False))
@@ -619,6 +631,10 @@ def _without_outliers(points, visibility, labels, explanation):
         order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
         explanation = explanation.reordered(order)
     return labels, explanation
+
+
+def _or_unknown(log_odds, counts):
+    return np.full(len(counts), np.nan) if log_odds is None else log_odds
 
 
 def _reject(points, visibility, labels, explanation):
