@@ -50,16 +50,7 @@ def add_bench(commands):
     )
     methods = list(METHODS)
     bench.add_argument("--methods", nargs="+", choices=methods, help=METHODS_HELP)
-    bench.add_argument("--paper", action="store_true", help=PAPER_HELP)
-    bench.add_argument(
-        "--exponents",
-        type=count,
-        nargs=2,
-        default=(5, 15),
-        metavar=("FIRST", "LAST"),
-        help="exponents of the epsilon-neighbourhood that --paper sweeps (default: 5 "
-        "15)",
-    )
+    _add_paper(bench)
     bench.add_argument(
         "--seeds",
         type=count,
@@ -75,6 +66,19 @@ def add_bench(commands):
         help="sequences to run in parallel; -1 is all processors (default: -1)",
     )
     bench.set_defaults(run=_run_bench)
+
+
+def _add_paper(bench):
+    bench.add_argument("--paper", action="store_true", help=PAPER_HELP)
+    bench.add_argument(
+        "--exponents",
+        type=count,
+        nargs=2,
+        default=(5, 15),
+        metavar=("FIRST", "LAST"),
+        help="exponents of the epsilon-neighbourhood that --paper sweeps (default: 5 "
+        "15)",
+    )
 
 
 def _run_bench(arguments):
