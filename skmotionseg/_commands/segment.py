@@ -12,7 +12,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from .._core.geometry.tracks import unpack_tracks
-from .._segmenter.report import pixels
+from .._segmenter.report import how_sure, pixels
 from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .._utils.writing import check_folder_of, check_output, replacing
@@ -267,7 +267,7 @@ def _colour(motion):
 
 def _count_table(report):
     """A row per number of motions: its costs, and why it was chosen or not."""
-    table = require("rich.table", extra="cli").Table()
+    table = require("rich.table", extra="cli").Table(caption=how_sure(report) or None)
     for title in ("motions", *report.term_names, "total"):
         # Broken here, so that narrow screens leave the width to the verdicts.
         table.add_column(fill(title, 12, break_long_words=False), justify="right")

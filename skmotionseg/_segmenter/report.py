@@ -371,14 +371,14 @@ def _count_lines(report):
         )
         for count in report.counts
     ]
-    lines = [_table(header, rows, "rrrrl"), _formula(report), *_how_sure(report)]
-    return "\n".join(lines)
+    lines = [_table(header, rows, "rrrrl"), _formula(report), how_sure(report)]
+    return "\n".join(line for line in lines if line)
 
 
-def _how_sure(report):
-    """The probability of the number of motions, and the next likely number."""
+def how_sure(report):
+    """How likely the number of motions is, and the next likely number; "" if unknown."""
     if len(report.counts) == 1 or np.isnan(report.counts[0].probability):
-        return
+        return ""
     (chosen,) = (each for each in report.counts if each.chosen)
     others = (each for each in report.counts if not each.chosen)
     following = max(others, key=lambda each: each.probability)
@@ -387,7 +387,7 @@ def _how_sure(report):
         for each in (chosen, following)
     )
     tie = " (a near tie)" if chosen.probability < NEAR_TIE else ""
-    yield f"Number of motions: {likely}{tie}; next, {less}."
+    return f"Number of motions: {likely}{tie}; next, {less}."
 
 
 def _halves(name):
