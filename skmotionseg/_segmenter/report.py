@@ -376,7 +376,7 @@ def _count_lines(report):
 
 
 def how_sure(report):
-    """How likely the number of motions is, and the next likely number; "" if unknown."""
+    """How likely the number of motions is, and the next one; "" if unknown."""
     if len(report.counts) == 1 or np.isnan(report.counts[0].probability):
         return ""
     (chosen,) = (each for each in report.counts if each.chosen)

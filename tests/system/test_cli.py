@@ -145,7 +145,8 @@ def test_segment_says_what_explains_the_motions_and_their_number(
         row = rf"│ +{motion.label} │.*│ {motion.model} +│ +{motion.residual:.2f} px │"
         assert re.search(row, printed)
     for each in report.counts:
-        row = rf"│ +{each.n_motions} │.*│ +{each.total:.4f} │ {re.escape(each.verdict)} +│"
+        verdict = re.escape(each.verdict)
+        row = rf"│ +{each.n_motions} │.*│ +{each.total:.4f} │ {verdict} +│"
         assert re.search(row, printed)
     _, printed, _ = run("segment", scene_file, "--motions", 3)
     assert "chosen" not in printed  # there was nothing to choose
