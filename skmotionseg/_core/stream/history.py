@@ -1,0 +1,88 @@
+"""Labels of tracks that are long out of view, in little memory."""
+
+from __future__ import annotations
+
+import zlib
+
+import numpy as np
+
+# Tracks per block: what a block takes compressed hardly depends on it.
+TRACKS_PER_BLOCK = 4096
+
+
+class History:
+    """Labels by id, compressed in blocks: about a bit or two per track.
+
+    A tracker numbers its tracks one after another, so ids tell little. An id that is
+    added again has its last label.
+    """
+
+    def __init__(self):
+        self._blocks = []  # (least id, greatest id, compressed ids and labels)
+        self._ids, self._labels = [], []
+        self._n_open = 0
+
+    def add(self, ids, labels):
+        """Add tracks.
+
+        Parameters
+        ----------
+        ids, labels : ndarray of int, shape (n,)
+        """
+        if len(ids) == 0:
+            return
+        self._ids.append(ids)
+        self._labels.append(labels)
+        self._n_open += len(ids)
+        if self._n_open >= TRACKS_PER_BLOCK:
+            self._close()
+
+    def labels_of(self, ids):
+        """Labels of ids, -1 for those that are not there."""
+        labels = np.full(len(ids), -1)
+        for found, known in self._parts(ids):
+            _, here, there = np.intersect1d(ids, found, return_indices=True)
+            labels[here] = known[there]
+        return labels
+
+    def everything(self):
+        """Ids, ascending, and their labels."""
+        ids, labels = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for found, known in self._parts():
+            ids.append(found)
+            labels.append(known)
+        ids, labels = np.concatenate(ids)[::-1], np.concatenate(labels)[::-1]
+        ids, last = np.unique(ids, return_index=True)
+        return ids, labels[last]
+
+    def _parts(self, wanted=None):
+        """Blocks of ids, each once, and labels, the oldest first."""
+        for least, greatest, packed in self._blocks:
+            if wanted is None or ((wanted >= least) & (wanted <= greatest)).any():
+                yield _unpacked(packed)
+        if self._ids:
+            yield _last(np.concatenate(self._ids), np.concatenate(self._labels))
+
+    def _close(self):
+        ids, labels = _last(np.concatenate(self._ids), np.concatenate(self._labels))
+        self._blocks.append((ids[0], ids[-1], _packed(ids, labels)))
+        self._ids, self._labels, self._n_open = [], [], 0
+
+
+def _last(ids, labels):
+    """Ids, ascending and each once, with their last labels."""
+    ids, first = np.unique(ids[::-1], return_index=True)
+    return ids, labels[::-1][first]
+
+
+def _packed(ids, labels):
+    both = np.stack([np.diff(ids, prepend=0), labels])
+    # Bytes of one significance beside each other: most are alike.
+    planes = np.ascontiguousarray(both.astype("<i8")).view(np.uint8)
+    return zlib.compress(planes.reshape(-1, 8).T.tobytes())
+
+
+def _unpacked(packed):
+    planes = np.frombuffer(zlib.decompress(packed), np.uint8).reshape(8, -1)
+    steps, labels = np.ascontiguousarray(planes.T).view("<i8").reshape(2, -1)
+    return steps.cumsum(), labels.astype(np.int64)
