@@ -60,7 +60,7 @@ def find_candidate(window, residuals, chosen, points, seen_now, rng):
 
 
 def joint_motion(window, scale, fits, groups):
-    """One motion for the tracks of two, and how much worse it is for the second.
+    """One motion for the tracks of two, and how much worse it is than their own.
 
     Parameters
     ----------
@@ -75,8 +75,8 @@ def joint_motion(window, scale, fits, groups):
         The best of what can be refined from either, and fitted from the start, to some
         tracks of both.
     apart : float
-        Median logarithm of the ratio of squared deviations of the second group;
-        infinite if there is no fit.
+        Median logarithm of the ratio of squared deviations, of the group for which it
+        is greater; infinite if there is no fit.
     """
     some = np.sort(np.concatenate([_spread(rows) for rows in groups]))
     found = [*window.fit([some, some], list(fits)), *window.fit([some])]
@@ -85,8 +85,11 @@ def joint_motion(window, scale, fits, groups):
         return None, np.inf
     costs = measure(window, found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
-    measured = measure(window, [fits[1], best], scale, groups[1])
-    return best, float(apartness(window, measured, 0)[1])
+    apart = [
+        apartness(window, measure(window, [fit, best], scale, rows), 0)[1]
+        for fit, rows in zip(fits, groups, strict=True)
+    ]
+    return best, float(max(apart))
 
 
 def _spread(rows):

@@ -26,6 +26,8 @@ class TrackBuffer:
         Number of each track's motion, -1 for none yet; less for a candidate.
     before : ndarray of int, shape (n,)
         Label before a candidate took the track.
+    outlying : ndarray of bool, shape (n,)
+        Whether the track was an outlier when it was last seen.
     memory : ndarray of shape (n, M)
         Nats by which earlier frames speak against each living motion.
     """
@@ -36,6 +38,7 @@ class TrackBuffer:
         self.seen = np.empty((0, length), dtype=bool)
         self.labels = np.empty(0, dtype=np.int64)
         self.before = np.empty(0, dtype=np.int64)
+        self.outlying = np.empty(0, dtype=bool)
         self.memory = np.empty((0, 0))
 
     def push(self, points, ids):
@@ -56,7 +59,8 @@ class TrackBuffer:
             Ids and labels of those that are here no longer.
         """
         kept = self.seen[:, 1:].any(axis=1) | np.isin(self.ids, ids)
-        gone = self.ids[~kept], self.shown()[~kept]
+        labels = np.where(self.outlying, UNKNOWN, self.shown())
+        gone = self.ids[~kept], labels[~kept]
         n_new = len(new_ids := np.setdiff1d(ids, self.ids))
         every = np.concatenate([self.ids[kept], new_ids])
         order = np.argsort(every, kind="stable")
@@ -65,6 +69,7 @@ class TrackBuffer:
         self.seen = _grown(_shifted(self.seen[kept]), n_new, False)[order]
         self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
         self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
+        self.outlying = _grown(self.outlying[kept], n_new, False)[order]
         self.memory = _grown(self.memory[kept], n_new, 0)[order]
         rows = np.searchsorted(self.ids, ids)
         self.points[rows, -1], self.seen[rows, -1] = points, True
@@ -74,6 +79,10 @@ class TrackBuffer:
         """Labels in which tracks of candidates have the label of before."""
         return np.where(self.labels < UNKNOWN, self.before, self.labels)
 
+    def follow(self, labels):
+        """Set labels; tracks that go to a candidate keep those of before in mind."""
+        self.before, self.labels = self.shown(), labels
+
     def release(self, label):
         """Give the tracks of a candidate the label of before."""
         self.labels = np.where(self.labels == label, self.before, self.labels)
@@ -81,8 +90,7 @@ class TrackBuffer:
 
 def _shifted(values):
     """Values of one frame less, and room for the next."""
-    values = np.concatenate([values[:, 1:], np.zeros_like(values[:, :1])], axis=1)
-    return values
+    return np.concatenate([values[:, 1:], np.zeros_like(values[:, :1])], axis=1)
 
 
 def _grown(values, n, fill):

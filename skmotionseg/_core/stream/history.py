@@ -45,15 +45,10 @@ class History:
             labels[here] = known[there]
         return labels
 
-    def everything(self):
-        """Ids, ascending, and their labels."""
-        ids, labels = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
-        for found, known in self._parts():
-            ids.append(found)
-            labels.append(known)
-        ids, labels = np.concatenate(ids)[::-1], np.concatenate(labels)[::-1]
-        ids, last = np.unique(ids, return_index=True)
-        return ids, labels[last]
+    def everything(self, ids, labels):
+        """Ids, ascending, and labels of all tracks: of these, and of what was added."""
+        parts = [*self._parts(), (ids, labels)]
+        return _last(*map(np.concatenate, zip(*parts, strict=True)))
 
     def _parts(self, wanted=None):
         """Blocks of ids, each once, and labels, the oldest first."""

@@ -88,7 +88,8 @@ class Numbers:
 
     def merge(self, number, other):
         """Note that two numbers are of one motion."""
-        self.merged[number] = other
+        of = {old: other if new == number else new for old, new in self.merged.items()}
+        self.merged = {**of, number: other}
 
     def new(self):
         self.next += 1
@@ -106,16 +107,18 @@ class Numbers:
             del self.hidden[number]
         return lost
 
-    def of(self, trace, pixel, former=None, most=None):
+    def of(self, trace, pixel, living, former=None, most=None):
         """Number of a motion that has appeared, and whether it was there before.
 
         Parameters
         ----------
-        trace : Trace
+        trace : Trace or None
         pixel : float
             As for :meth:`Trace.distance`.
+        living : collection of int
+            Numbers that others have.
         former : int, optional
-            The number that most of its tracks had: theirs, if it is hidden.
+            The number that most of its tracks had: theirs, if nobody has it.
         most : int, optional
             Numbers that may be given. If all are, it is the nearest hidden one.
 
@@ -125,15 +128,23 @@ class Numbers:
             None if there are as many as may be, and none is hidden.
         again : bool
         """
-        if former in self.hidden:
-            del self.hidden[former]
+        if former is not None and 0 <= former < self.next and former not in living:
+            self.hidden.pop(former, None)
             return former, True
-        distances = {n: t.distance(trace, pixel) for n, t in self.hidden.items()}
-        import os
-        if os.environ.get('DBG'): print('        ', trace, {n:(round(distances[n],2), t) for n,t in self.hidden.items()}, 'px', pixel)
+        distances = {
+            n: np.inf if trace is None else t.distance(trace, pixel)
+            for n, t in self.hidden.items()
+        }
         nearest = min(distances, key=distances.__getitem__, default=None)
         full = most is not None and self.next >= most
         if nearest is not None and (full or distances[nearest] <= 1):
             del self.hidden[nearest]
             return nearest, True
         return (None, False) if full else (self.new(), False)
+
+    def final(self, labels):
+        """Labels with the numbers of motions that merged replaced."""
+        labels = labels.copy()
+        for number, other in self.merged.items():
+            labels[labels == number] = other
+        return labels
