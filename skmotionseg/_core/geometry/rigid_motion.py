@@ -141,7 +141,9 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
     return _poses(_minimise(problems, state.of(best), LAST_ITERATIONS), reference)
 
 
-def refine_rigid_motions(x, seen, weights, floor, reference, poses):
+def refine_rigid_motions(
+    x, seen, weights, floor, reference, poses, iterations=LAST_ITERATIONS
+):
     """Fit as :func:`fit_rigid_motions`, from given poses.
 
     Returns
@@ -156,7 +158,7 @@ def refine_rigid_motions(x, seen, weights, floor, reference, poses):
     rotations, translations = (each[:, others] for each in poses)
     depths = _depths(problems, rotations, translations)
     state = _state(problems, rotations, translations, depths)
-    state = _minimise(problems, state, LAST_ITERATIONS)
+    state = _minimise(problems, state, iterations)
     return _poses(state, reference), _cost(problems, state, problems.floor)
 
 

@@ -11,7 +11,7 @@ from .assignment import measure
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.
 UNEXPLAINED, LEAST_FREEDOM = 2.0, 5
 # Groups of neighbours that motions are fitted to, and tracks of each.
-N_SEEDS, TRACKS_PER_SEED = 6, 10
+N_SEEDS, TRACKS_PER_SEED = 5, 10
 # Tracks that make a motion, and nats that it saves, per track and in all.
 FEWEST_MEMBERS, NATS_PER_TRACK, LEAST_SAVED = 6, 3.0, 60.0
 # Times that a candidate is fitted to the tracks that it explains.

@@ -49,14 +49,22 @@ class Trace(NamedTuple):
             velocity = np.median(steps, axis=0) / back
         return cls(frame, place, velocity, float(radius))
 
-    def distance(self, other, pixel):
-        """How far a later trace is from where this one leads: within 1 is the same.
+    def continued(self, other, pixel):
+        """How well a later trace is where this one leads.
 
         Parameters
         ----------
         other : Trace
         pixel : float
             Pixels per pixel of a picture 640 pixels wide.
+
+        Returns
+        -------
+        distance : float
+            Within 1 it may be the same motion.
+        surprise : float
+            By which motions that may be the same compare: nats, if places are normally
+            distributed and the distance is of three standard deviations.
         """
         gap = other.frame - self.frame
         # What leaves the picture may turn and come back where it left.
@@ -66,7 +74,8 @@ class Trace(NamedTuple):
         reach = RADII * max(self.radius, other.radius)
         reach += STEPS * np.linalg.norm(self.velocity)
         reach += pixel * (AT_ONCE + PER_FRAME * gap)
-        return float(np.linalg.norm(other.place - expected) / reach)
+        distance = float(np.linalg.norm(other.place - expected) / reach)
+        return distance, 4.5 * distance**2 + 2 * float(np.log(reach))
 
 
 class Numbers:
@@ -114,13 +123,13 @@ class Numbers:
         ----------
         trace : Trace or None
         pixel : float
-            As for :meth:`Trace.distance`.
+            As for :meth:`Trace.continued`.
         living : collection of int
             Numbers that others have.
         former : int, optional
             The number that most of its tracks had: theirs, if nobody has it.
         most : int, optional
-            Numbers that may be given. If all are, it is the nearest hidden one.
+            Numbers that may be given. If all are, it is the likeliest hidden one.
 
         Returns
         -------
@@ -131,15 +140,14 @@ class Numbers:
         if former is not None and 0 <= former < self.next and former not in living:
             self.hidden.pop(former, None)
             return former, True
-        distances = {
-            n: np.inf if trace is None else t.distance(trace, pixel)
-            for n, t in self.hidden.items()
-        }
-        nearest = min(distances, key=distances.__getitem__, default=None)
+        traces = {} if trace is None else self.hidden
+        known = {n: each.continued(trace, pixel) for n, each in traces.items()}
         full = most is not None and self.next >= most
-        if nearest is not None and (full or distances[nearest] <= 1):
-            del self.hidden[nearest]
-            return nearest, True
+        likely = [n for n, (distance, _) in known.items() if full or distance <= 1]
+        if likely:
+            number = min(likely, key=lambda n: known[n][1])
+            del self.hidden[number]
+            return number, True
         return (None, False) if full else (self.new(), False)
 
     def final(self, labels):

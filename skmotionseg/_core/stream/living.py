@@ -15,6 +15,8 @@ from .window import FEWEST_TRACKS, Fit
 # Median deviation, in scales, above which a motion is fitted from several starts, and
 # how many are at a time.
 BADLY, MOST_REFITTED = 1.0, 2
+# Frames until a motion is fitted so again, if it fits badly, and in any case.
+REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
 # Frames after which a candidate is a motion, or is none, and by how much it is apart.
 CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 2.0
 # Apartness below which two motions are alike, and frames of it after which one that
@@ -104,7 +106,9 @@ def refit(window, motions, groups, scale, frame):
         for motion, rows in zip(motions, groups, strict=True)
     ]
     order = sorted(range(len(motions)), key=lambda k: motions[k].refitted)
-    due = [k for k in order if deviations[k] > BADLY][:MOST_REFITTED] or order[:1]
+    ages = [frame - motion.refitted for motion in motions]
+    bad = [k for k in order if deviations[k] > BADLY and ages[k] >= REFITTED_AFTER]
+    due = bad[:MOST_REFITTED] or [k for k in order if ages[k] >= REFITTED_ANYWAY][:1]
     for k, fit in zip(due, window.fit([groups[k] for k in due]), strict=True):
         motions[k].refitted = frame
         if fit and _deviation(window, fit, groups[k], scale) <= deviations[k]:

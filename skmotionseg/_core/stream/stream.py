@@ -303,12 +303,15 @@ class MotionStream:
         number, again = self.numbers.of(
             motion.trace,
             self._pixel(),
-            {other.number for other in self.motions},
+            {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
             self.n_motions,
         )
         if number is None:
             return "dropped"
+        for other in self.motions:
+            if other.number == number:  # it has lost its tracks: this one has them
+                other.number = UNKNOWN - 1
         own = self.buffer.labels == motion.number
         self.buffer.labels = np.where(own, number, self.buffer.labels)
         motion.number, motion.apart = number, 0

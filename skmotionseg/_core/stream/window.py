@@ -21,6 +21,8 @@ LENGTH = 12
 # Tracks that determine a motion, and to how many it is fitted at most.
 FEWEST_TRACKS = 4
 MOST_FITTED = 40
+# Iterations from given poses, which are nearly right.
+ITERATIONS = 4
 # A reference frame sees this share of a group's tracks that the newest frame sees.
 SHARE_IN_REFERENCE = 0.7
 
@@ -117,7 +119,7 @@ class Window:
                 poses = fit_rigid_motions(*arrays, reference)
             else:
                 begin = _stack([starts[k].poses for k, _ in some])
-                poses, _ = refine_rigid_motions(*arrays, reference, begin)
+                poses, _ = refine_rigid_motions(*arrays, reference, begin, ITERATIONS)
             for (k, rows), *pose in zip(some, *poses, strict=True):
                 valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
                 found[k] = Fit(Poses(*pose), valid)
