@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from numbers import Integral
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,9 +72,10 @@ class OnlineMotionSegmenter(BaseEstimator):
     events_ : list of Event
         What happened in the newest frame: each has ``frame``, ``kind`` and ``words``.
         Kinds are "start" (the first motions are found), "new", "again" (a motion that
-        was out of view), "hidden" (it is out of view), "gone" (it is given up), "merged"
-        (it is the same as another), "empty" (a frame without tracks), "break" (none of
-        the tracks before goes on), "resumed" (they do again) and "cut" (they do not).
+        was out of view), "hidden" (it is out of view), "gone" (it is given up),
+        "merged" (it is the same as another), "empty" (a frame without tracks), "break"
+        (none of the tracks before goes on), "resumed" (they do again) and "cut" (they
+        do not).
 
     See Also
     --------
@@ -191,7 +193,7 @@ class OnlineMotionSegmenter(BaseEstimator):
 
     def _partition(self, points, seen):
         """Motions of the tracks of the first frames, the static scene first."""
-        most = MOST_AT_FIRST if self.n_motions == "auto" else self.n_motions
+        most: Any = MOST_AT_FIRST if self.n_motions == "auto" else self.n_motions
         seed = self._stream.rng.randint(2**31 - 1)
         segmenter = MotionSegmenter(max_motions=most, random_state=seed)
         try:

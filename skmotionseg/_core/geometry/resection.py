@@ -149,4 +149,3 @@ def _weighted_medians(sizes, weights):
     values = np.sort(np.where(counted, sizes, np.inf), axis=1)
     middle = np.maximum(counted.sum(axis=1) - 1, 0) // 2
     return np.take_along_axis(values, middle[:, None], axis=1)[:, 0]
-

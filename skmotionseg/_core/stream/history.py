@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import zlib
+from typing import NamedTuple
 
 import numpy as np
 
-# Tracks per block: what a block takes compressed hardly depends on it.
-TRACKS_PER_BLOCK = 4096
+# Tracks that are kept as they are, and blocks of one size that become one.
+TRACKS_PER_BLOCK, BLOCKS_PER_LEVEL = 128, 8
 
 
 class History:
@@ -18,7 +19,7 @@ class History:
     """
 
     def __init__(self):
-        self._blocks = []  # (least id, greatest id, compressed ids and labels)
+        self._blocks = []
         self._ids, self._labels = [], []
         self._n_open = 0
 
@@ -52,16 +53,39 @@ class History:
 
     def _parts(self, wanted=None):
         """Blocks of ids, each once, and labels, the oldest first."""
-        for least, greatest, packed in self._blocks:
-            if wanted is None or ((wanted >= least) & (wanted <= greatest)).any():
-                yield _unpacked(packed)
+        for block in self._blocks:
+            inside = wanted is None or (wanted >= block.least) & (wanted <= block.most)
+            if np.any(inside):
+                yield _unpacked(block.packed)
         if self._ids:
             yield _last(np.concatenate(self._ids), np.concatenate(self._labels))
 
     def _close(self):
-        ids, labels = _last(np.concatenate(self._ids), np.concatenate(self._labels))
-        self._blocks.append((ids[0], ids[-1], _packed(ids, labels)))
+        """Compress what was added, and join blocks of one size."""
+        self._blocks.append(_block(self._ids, self._labels, 0))
         self._ids, self._labels, self._n_open = [], [], 0
+        while True:
+            last = self._blocks[-BLOCKS_PER_LEVEL:]
+            level = last[-1].level
+            if len(last) < BLOCKS_PER_LEVEL or last[0].level != level:
+                return
+            del self._blocks[-BLOCKS_PER_LEVEL:]
+            parts = zip(*(_unpacked(block.packed) for block in last), strict=True)
+            self._blocks.append(_block(*parts, level + 1))
+
+
+class _Block(NamedTuple):
+    """Compressed ids and labels, and how often the block was joined."""
+
+    least: int
+    most: int
+    packed: bytes
+    level: int
+
+
+def _block(ids, labels, level):
+    ids, labels = _last(np.concatenate(ids), np.concatenate(labels))
+    return _Block(int(ids[0]), int(ids[-1]), _packed(ids, labels), level)
 
 
 def _last(ids, labels):

@@ -21,7 +21,7 @@ REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
 CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 2.0
 # Apartness below which two motions are alike, and frames of it after which one that
 # was apart for less than so many frames is merged with the other.
-ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 25
+ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 10
 # Frames without enough tracks after which a motion is hidden.
 HIDDEN_AFTER = 8
 

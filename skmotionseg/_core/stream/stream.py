@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import FEWEST_SEEN, FOCAL_LENGTHS, LEAST_NOISE
+from ..geometry.windows import FOCAL_LENGTHS, LEAST_NOISE
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, UNEXPLAINED, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
@@ -31,7 +31,7 @@ class Event(NamedTuple):
     Attributes
     ----------
     frame : int
-    kind : {"start", "new", "again", "hidden", "merged", "gone", "break", "cut", "empty"}
+    kind : str
     words : str
     """
 
@@ -75,7 +75,7 @@ class MotionStream:
         self.history = History() if keep_history else None
         self.numbers = Numbers()
         self.motions: list[LivingMotion] = []
-        self.camera: Camera | None = None
+        self.camera: Any = None
         self.scale = 0.0
         self.first = 0  # frame since which motions are looked for, where there are none
         self.broken = 0  # frames in which no track of before goes on
@@ -99,10 +99,9 @@ class MotionStream:
         events : list of Event
         """
         self.frame += 1
-        before = len(self.buffer.ids)
         rows, new, gone = self.buffer.push(points, ids)
         self._recall(new, gone)
-        events = self._continuity(len(ids), len(ids) - len(new), before)
+        events = self._continuity(len(ids))
         if self.motions:
             events += self._follow()
         if not self.motions:
@@ -129,22 +128,20 @@ class MotionStream:
             known = self.history.labels_of(self.buffer.ids[new])
             self.buffer.labels[new] = self.numbers.final(known)
 
-    def _continuity(self, n_seen, n_known, n_before):
-        """Note frames that see nothing, or nothing of before; forget after a cut."""
+    def _continuity(self, n_seen):
+        """Note frames that see nothing, or nothing of before."""
         if n_seen == 0:
             return [Event(self.frame, "empty", "no track is seen")]
-        if n_known or not n_before:
-            stray, self.broken = self.broken, 0
-            words = "goes on as before what had nothing in common with it"
-            return [Event(self.frame, "resumed", words)] if stray else []
-        return self._broken()
-
-    def _broken(self):
+        before = self.buffer.seen[:, : -self.broken - 1].any(axis=1)
+        goes_on = bool((before & self.buffer.seen[:, -1]).any())
+        if goes_on or not before.any():
+            resumed, self.broken = self.broken > 0 and goes_on, 0
+            words = "tracks of before go on again"
+            return [Event(self.frame, "resumed", words)] if resumed else []
         self.broken += 1
-        if self.broken == 1:
-            words = "no track of the frames before goes on"
-            return [Event(self.frame, "break", words)]
-        return []
+        if self.broken > 1:
+            return []
+        return [Event(self.frame, "break", "no track of the frames before goes on")]
 
     def _start(self, partition):
         """Find motions among the tracks of the first frames."""
@@ -249,8 +246,7 @@ class MotionStream:
         shares[now] = neighbour_shares(places, voters, len(self.motions))
         nats = np.where(self._may_join(residuals, columns), residuals.nats, np.inf)
         chosen = assign(nats, buffer.memory, shares, columns)
-        # What is too young to be judged, and has no neighbours, follows nothing.
-        told = now & ((window.freedom > 0) | shares.any(axis=1) | (columns >= 0))
+        told = now & self._told(window, residuals, columns, shares)
         numbers = np.array([motion.number for motion in self.motions])
         buffer.follow(np.where(told, numbers[chosen], buffer.labels))
         kept = remembered(buffer.memory, residuals.nats, LENGTH)
@@ -259,6 +255,18 @@ class MotionStream:
         buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
         self._follow_noise(own[now])
         return residuals
+
+    def _told(self, window, residuals, columns, shares):
+        """Which tracks can be told to follow a living motion: bool, (n,).
+
+        What is too young to be judged, and has no neighbours, follows nothing. What
+        followed a motion that is hidden does so until another one explains it.
+        """
+        judged = window.freedom >= LEAST_FREEDOM
+        explained = (residuals.deviations() < UNEXPLAINED).any(axis=1) & judged
+        hidden = (self.buffer.labels > UNKNOWN) & (columns < 0)
+        known = (window.freedom > 0) | shares.any(axis=1) | (columns >= 0)
+        return np.where(hidden, explained, known)
 
     def _may_join(self, residuals, columns):
         """Which tracks may follow which motions: bool, (n, M)."""
@@ -279,7 +287,7 @@ class MotionStream:
 
     def _judge(self, window, residuals):
         """Confirm, drop, merge and hide motions."""
-        events = []
+        events: list[Event] = []
         labels, now = self.buffer.labels, self.buffer.seen[:, -1]
         sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
         for k in reversed(range(len(self.motions))):

@@ -116,10 +116,12 @@ class Window:
         for reference, some in sorted(jobs.items()):
             arrays = self._stacked([rows for _, rows in some])
             if starts is None:
-                poses = fit_rigid_motions(*arrays, reference)
+                poses = fit_rigid_motions(*arrays, reference=reference)
             else:
                 begin = _stack([starts[k].poses for k, _ in some])
-                poses, _ = refine_rigid_motions(*arrays, reference, begin, ITERATIONS)
+                poses, _ = refine_rigid_motions(
+                    *arrays, reference=reference, poses=begin, iterations=ITERATIONS
+                )
             for (k, rows), *pose in zip(some, *poses, strict=True):
                 valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
                 found[k] = Fit(Poses(*pose), valid)
@@ -143,15 +145,17 @@ class Window:
         """
         if not fits:
             return []
-        stacked, valid = _stack([fit.poses for fit in fits]), [f.valid for f in fits]
-        moved = next_poses(stacked, np.array(valid))
+        stacked, before = _stack([fit.poses for fit in fits]), _valid(fits)
+        moved = next_poses(stacked, before)
         slid = Poses(
             *(
                 np.concatenate([old[:, 1:], new[:, None]], axis=1)
                 for old, new in zip(stacked, moved, strict=True)
             )
         )
-        valid = np.concatenate([np.array(valid)[:, 1:], np.zeros((len(fits), 1), bool)], 1)
+        valid = np.concatenate(
+            [np.array(valid)[:, 1:], np.zeros((len(fits), 1), bool)], 1
+        )
         jobs = [
             (k, *job)
             for k, rows in enumerate(groups)
@@ -159,7 +163,9 @@ class Window:
         ]
         if jobs:
             self._resect(jobs, slid, valid)
-        return [Fit(Poses(*each), some) for *each, some in zip(*slid, valid, strict=True)]
+        return [
+            Fit(Poses(*each), some) for *each, some in zip(*slid, valid, strict=True)
+        ]
 
     def squares(self, fits, rows=None):
         """Squared residuals of tracks from motions, and of how many numbers.
@@ -189,7 +195,9 @@ class Window:
             if len(known) == 0:
                 continue
             x = np.where(seen[known, :, None], self.x[rows[known]], 0)
-            found = squared_residuals(x, seen[known], _stack([fits[k].poses for k in some]))
+            found = squared_residuals(
+                x, seen[known], _stack([fits[k].poses for k in some])
+            )
             squares[np.ix_(known, some)] = found.T
             freedom[np.ix_(known, some)] = (2 * times[known] - 3)[:, None]
         return squares, freedom
@@ -233,18 +241,18 @@ class Window:
 
     def _resect(self, jobs, poses, valid):
         """Set the newest poses of some motions, in place."""
-        which, references, groups = zip(*jobs, strict=True)
-        which = np.array(which)
-        x, seen, weights, _ = self._stacked(groups)
+        which = np.array([job[0] for job in jobs])
+        references = np.array([job[1] for job in jobs])
+        x, seen, weights, _ = self._stacked([job[2] for job in jobs])
         batch = np.arange(len(which))
         some = relative_to(Poses(*(each[which] for each in poses)), references)
-        rays = np.pad(x[batch, :, references], ((0, 0), (0, 0), (0, 1)), constant_values=1)
-        counted = seen & valid[which][:, None]
-        depths = inverse_depths(rays, x, counted, some)
-        starts = [(each[0][:, k], each[1][:, k]) for each in (some,) for k in (-1, -2)]
-        twice = [np.concatenate([each] * 2) for each in (rays, depths, x[:, :, -1], weights)]
-        begin = tuple(map(np.concatenate, zip(*starts, strict=True)))
-        R, t, medians = resect(*twice, begin, self.camera.noise)
+        rays = np.ones((*x.shape[:2], 3))
+        rays[..., :2] = x[batch, :, references]
+        depths = inverse_depths(rays, x, seen & valid[which][:, None], some)
+        arrays = (rays, depths, x[:, :, -1], weights * seen[..., -1])
+        arrays = tuple(np.concatenate([each, each]) for each in arrays)
+        starts = [np.concatenate([each[:, -1], each[:, -2]]) for each in some]
+        R, t, medians = resect(*arrays, starts=starts, floor=self.camera.noise)
         best = batch + len(which) * (medians[len(which) :] < medians[: len(which)])
         some.rotations[:, -1], some.translations[:, -1] = R[best], t[best]
         for all_poses, new in zip(poses, some, strict=True):
@@ -256,6 +264,10 @@ def _reference(seen, newest, frames):
     often = (seen & seen[:, [newest]]).sum(axis=0)[frames]
     often = frames[often >= SHARE_IN_REFERENCE * often.max()]
     return int(often[np.abs(often - (seen.shape[1] - 1) // 2).argmin()])
+
+
+def _valid(fits):
+    return np.array([fit.valid for fit in fits])
 
 
 def _stack(poses):
