@@ -125,7 +125,7 @@ def test_no_more_numbers_than_motions():
 
 def test_track_that_comes_back_is_the_same():
     movie = film(n_frames=40)
-    points, seen, things = movie
+    _, seen, things = movie
     seen = seen.copy()
     seen[things == 1, 16:30] = False  # longer than what is in view is remembered
     table, events, _ = play(movie._replace(seen=seen))
@@ -138,13 +138,13 @@ def test_track_that_comes_back_is_the_same():
 
 def test_without_history_only_what_is_in_view_is_known(movie):
     segmenter = OnlineMotionSegmenter(keep_history=False, random_state=0)
-    table, _, segmenter = play(movie, segmenter)
+    _, _, segmenter = play(movie, segmenter)
     lately = np.flatnonzero(movie.seen[:, -12:].any(axis=1))
     assert_array_equal(segmenter.result().track_ids, lately)
 
 
 def test_empty_frames_are_survived(movie, played):
-    points, seen, things = movie
+    _, seen, things = movie
     seen = seen.copy()
     seen[:, [4, 20, 21]] = False
     table, events, _ = play(movie._replace(seen=seen))

@@ -45,8 +45,9 @@ class Residuals(NamedTuple):
 
     def without(self, column):
         """The same without a motion."""
-        arrays = (np.delete(each, column, axis=1) for each in self[:3])
-        return Residuals(*arrays, self.scale)
+        left = np.delete(np.arange(self.nats.shape[1]), column)
+        squares, freedom, nats = self.squares, self.freedom, self.nats
+        return Residuals(squares[:, left], freedom[:, left], nats[:, left], self.scale)
 
 
 def measure(window, fits, scale, rows=None):

@@ -70,8 +70,8 @@ class History:
             if len(last) < BLOCKS_PER_LEVEL or last[0].level != level:
                 return
             del self._blocks[-BLOCKS_PER_LEVEL:]
-            parts = zip(*(_unpacked(block.packed) for block in last), strict=True)
-            self._blocks.append(_block(*parts, level + 1))
+            ids, labels = zip(*(_unpacked(block.packed) for block in last), strict=True)
+            self._blocks.append(_block(ids, labels, level + 1))
 
 
 class _Block(NamedTuple):

@@ -114,14 +114,12 @@ class Window:
             if len(rows) >= FEWEST_TRACKS:
                 jobs.setdefault(reference, []).append((k, rows))
         for reference, some in sorted(jobs.items()):
-            arrays = self._stacked([rows for _, rows in some])
+            x, seen, weights, floor = self._stacked([rows for _, rows in some])
             if starts is None:
-                poses = fit_rigid_motions(*arrays, reference=reference)
+                poses = fit_rigid_motions(x, seen, weights, floor, reference)
             else:
                 begin = _stack([starts[k].poses for k, _ in some])
-                poses, _ = refine_rigid_motions(
-                    *arrays, reference=reference, poses=begin, iterations=ITERATIONS
-                )
+                poses, _ = refine_rigid_motions(*arrays, reference, begin, ITERATIONS)
             for (k, rows), *pose in zip(some, *poses, strict=True):
                 valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
                 found[k] = Fit(Poses(*pose), valid)
@@ -153,9 +151,7 @@ class Window:
                 for old, new in zip(stacked, moved, strict=True)
             )
         )
-        valid = np.concatenate(
-            [np.array(valid)[:, 1:], np.zeros((len(fits), 1), bool)], 1
-        )
+        valid = np.pad(before[:, 1:], ((0, 0), (0, 1)))
         jobs = [
             (k, *job)
             for k, rows in enumerate(groups)
@@ -163,9 +159,8 @@ class Window:
         ]
         if jobs:
             self._resect(jobs, slid, valid)
-        return [
-            Fit(Poses(*each), some) for *each, some in zip(*slid, valid, strict=True)
-        ]
+        each = zip(*slid, valid, strict=True)
+        return [Fit(Poses(*pose), some) for *pose, some in each]
 
     def squares(self, fits, rows=None):
         """Squared residuals of tracks from motions, and of how many numbers.
@@ -195,11 +190,10 @@ class Window:
             if len(known) == 0:
                 continue
             x = np.where(seen[known, :, None], self.x[rows[known]], 0)
-            found = squared_residuals(
-                x, seen[known], _stack([fits[k].poses for k in some])
-            )
-            squares[np.ix_(known, some)] = found.T
-            freedom[np.ix_(known, some)] = (2 * times[known] - 3)[:, None]
+            poses = _stack([fits[k].poses for k in some])
+            place = np.ix_(known, np.array(some))
+            squares[place] = squared_residuals(x, seen[known], poses).T
+            freedom[place] = (2 * times[known] - 3)[:, None]
         return squares, freedom
 
     def _some(self, rows):
@@ -249,10 +243,12 @@ class Window:
         rays = np.ones((*x.shape[:2], 3))
         rays[..., :2] = x[batch, :, references]
         depths = inverse_depths(rays, x, seen & valid[which][:, None], some)
-        arrays = (rays, depths, x[:, :, -1], weights * seen[..., -1])
-        arrays = tuple(np.concatenate([each, each]) for each in arrays)
         starts = [np.concatenate([each[:, -1], each[:, -2]]) for each in some]
-        R, t, medians = resect(*arrays, starts=starts, floor=self.camera.noise)
+        R, t, medians = resect(
+            *map(_twice, (rays, depths, x[:, :, -1], weights * seen[..., -1])),
+            starts=starts,
+            floor=self.camera.noise,
+        )
         best = batch + len(which) * (medians[len(which) :] < medians[: len(which)])
         some.rotations[:, -1], some.translations[:, -1] = R[best], t[best]
         for all_poses, new in zip(poses, some, strict=True):
@@ -264,6 +260,10 @@ def _reference(seen, newest, frames):
     often = (seen & seen[:, [newest]]).sum(axis=0)[frames]
     often = frames[often >= SHARE_IN_REFERENCE * often.max()]
     return int(often[np.abs(often - (seen.shape[1] - 1) // 2).argmin()])
+
+
+def _twice(values):
+    return np.concatenate([values, values])
 
 
 def _valid(fits):
