@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from sklearn.base import clone
 
@@ -19,6 +21,24 @@ LONG_CLIP = 100
 REFERENCE_WIDTH = 640
 
 
+class WindowedLabels(NamedTuple):
+    """What windows say together.
+
+    Attributes
+    ----------
+    labels : ndarray of int, shape (n_tracks,)
+        The largest motion first; -1 for tracks of none.
+    shares : ndarray of shape (n_tracks,)
+        Of the frames in which windows gave a track some motion, those with this one.
+    windows : ndarray of int, shape (n_windows, 2)
+        First and last frame of each.
+    """
+
+    labels: np.ndarray
+    shares: np.ndarray
+    windows: np.ndarray
+
+
 def segment_in_windows(points, visibility, segmenter, rng):
     """Labels of the tracks of a long clip.
 
@@ -33,8 +53,7 @@ def segment_in_windows(points, visibility, segmenter, rng):
 
     Returns
     -------
-    ndarray of int, shape (n_tracks,)
-        The largest motion first; -1 for tracks of none.
+    WindowedLabels
     """
     parts = parts_of(visibility)
     seeds = rng.randint(2**31 - 1, size=len(parts))
@@ -64,8 +83,11 @@ def segment_in_windows(points, visibility, segmenter, rng):
     width = (some.max(axis=0) - some.min(axis=0)).max()
     joiner = Joiner(len(points), most, float(width) / REFERENCE_WIDTH)
     for part, labels in zip(parts, found, strict=True):
-        joiner.add(part, *_of(part, points, visibility), labels)
-    return canonical_labels(joiner.labels())
+        here, seen = _of(part, points, visibility)
+        joiner.add(part, here, seen, labels)
+    labels, shares = joiner.labels()
+    frames = np.array([[part.start, part.stop - 1] for part in parts])
+    return WindowedLabels(canonical_labels(labels), shares, frames)
 
 
 def _of(part, points, visibility):

@@ -69,6 +69,8 @@ class Joiner:
     n_tracks : int
     most : int or None
         Motions at most.
+    pixel : float
+        Pixels per pixel of a picture 640 pixels wide.
 
     Attributes
     ----------
@@ -93,7 +95,9 @@ class Joiner:
         labels : ndarray of int, shape (n,)
             ``0..M - 1``, none empty; -1 for none.
         """
-        groups = [np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)]
+        groups = [
+            np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)
+        ]
         going_on = self._going_on([part.tracks[rows] for rows in groups])
         for number in set(self._traces) - set(going_on.values()):
             self.numbers.hide(number, self._traces.pop(number))
@@ -106,9 +110,15 @@ class Joiner:
                 trace = _trace(part.start, points[rows], seen[rows], first=True)
                 living = {int(name) for name in names if name >= 0}
                 number, _ = self.numbers.of(
-                    trace, self.pixel, living, self._former(part.tracks[rows]), self.most
+                    trace,
+                    self.pixel,
+                    living,
+                    self._former(part.tracks[rows]),
+                    self.most,
                 )
-                names[k] = self._shared_most(part.tracks[rows]) if number is None else number
+                names[k] = (
+                    self._shared_most(part.tracks[rows]) if number is None else number
+                )
             trace = _trace(part.start, points[rows], seen[rows], first=False)
             if trace is not None and names[k] >= 0:
                 self._traces[int(names[k])] = trace
@@ -116,10 +126,18 @@ class Joiner:
         self.numbers.forget(part.start)
 
     def labels(self):
-        """The number that each track had in most frames, -1 for none."""
-        if self._votes.shape[1] == 0:
-            return np.full(len(self._votes), -1)
-        return np.where(self._votes.any(axis=1), self._votes.argmax(axis=1), -1)
+        """The number that each track had in most frames, and in which share of them.
+
+        Returns
+        -------
+        labels : ndarray of int, shape (n_tracks,)
+            -1 for none.
+        shares : ndarray of shape (n_tracks,)
+        """
+        votes = np.pad(self._votes, ((0, 0), (0, 1)))  # argmax needs one
+        total = votes.sum(axis=1)
+        shares = votes.max(axis=1) / np.maximum(total, 1)
+        return np.where(total > 0, votes.argmax(axis=1), -1), shares
 
     def _going_on(self, groups):
         """Number of each group that goes on from the last window: {group: number}."""
@@ -127,7 +145,10 @@ class Joiner:
         if not living or not groups:
             return {}
         shared = np.array(
-            [[np.sum(self._last[rows] == number) for number in living] for rows in groups]
+            [
+                [np.sum(self._last[rows] == number) for number in living]
+                for rows in groups
+            ]
         )
         rows, columns = linear_sum_assignment(-shared)
         known = np.minimum(shared.sum(axis=1)[:, None], shared.sum(axis=0))

@@ -119,7 +119,9 @@ class Window:
                 poses = fit_rigid_motions(x, seen, weights, floor, reference)
             else:
                 begin = _stack([starts[k].poses for k, _ in some])
-                poses, _ = refine_rigid_motions(*arrays, reference, begin, ITERATIONS)
+                poses, _ = refine_rigid_motions(
+                    x, seen, weights, floor, reference, begin, ITERATIONS
+                )
             for (k, rows), *pose in zip(some, *poses, strict=True):
                 valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
                 found[k] = Fit(Poses(*pose), valid)
@@ -245,9 +247,12 @@ class Window:
         depths = inverse_depths(rays, x, seen & valid[which][:, None], some)
         starts = [np.concatenate([each[:, -1], each[:, -2]]) for each in some]
         R, t, medians = resect(
-            *map(_twice, (rays, depths, x[:, :, -1], weights * seen[..., -1])),
-            starts=starts,
-            floor=self.camera.noise,
+            _twice(rays),
+            _twice(depths),
+            _twice(x[:, :, -1]),
+            _twice(weights * seen[..., -1]),
+            starts,
+            self.camera.noise,
         )
         best = batch + len(which) * (medians[len(which) :] < medians[: len(which)])
         some.rotations[:, -1], some.translations[:, -1] = R[best], t[best]
