@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from .._core.geometry.tracks import unpack_tracks
+from .._segmenter.long_clips import LONG_CLIP
 from .._segmenter.report import pixels
 from .._utils.colours import motion_colour
 from .._utils.optional import require
@@ -27,6 +28,7 @@ from .console import (
     stage_facts,
     track_facts,
 )
+from .live import segment_live
 from .mask_files import add_mask_options, check_mask_options, write_masks
 
 LABEL_ENDINGS = (".npz", ".csv")
@@ -106,6 +108,13 @@ def add_segment(commands):
     videos = segment.add_argument_group("videos")
     for name, options in VIDEO_OPTIONS.items():
         videos.add_argument(name, **options)
+    videos.add_argument(
+        "--live",
+        action="store_true",
+        help="segment frame by frame, as for a camera, which is INPUT if that is a "
+        "number; memory does not grow with the video, and Ctrl-C ends it well. Draws "
+        "to --render .mp4 and writes to --out .csv as it goes",
+    )
     add_mask_options(videos)
     segment.set_defaults(run=_segment)
 
@@ -114,6 +123,9 @@ def _segment(arguments):
     from ..export import save_motions
     from ..segmentation import MotionSegmenter
 
+    if arguments.live:
+        segment_live(arguments)
+        return
     video = is_video(arguments.file)
     check_output(arguments.out, LABEL_ENDINGS)
     check_folder_of(arguments.split_dir)
@@ -123,6 +135,11 @@ def _segment(arguments):
     console = require("rich.console", extra="cli").Console()
     read = _track_video if video else _load_tracks
     sequence = read(arguments, console)
+    if arguments.report is not None and sequence.data.shape[1] > 2 * LONG_CLIP:
+        raise ValueError(
+            f"--report is for clips of up to {LONG_CLIP} frames; {arguments.file} has "
+            f"{sequence.data.shape[1] // 2} (--max-frames takes the first)"
+        )
     with console.status("segmenting ..."):
         segmenter = MotionSegmenter(
             arguments.motions, n_jobs=arguments.jobs, random_state=arguments.seed
@@ -218,10 +235,11 @@ def _print_findings(console, arguments, sequence, segmenter):
     for stage, seconds in sequence.get("seconds", {}).items():
         facts.append((f"seconds {stage}", f"{seconds:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
-    report = segmenter.report(sequence.data)
-    console.print(_motion_table(report))
-    if len(report.counts) > 1:
-        console.print(_count_table(report))
+    if not hasattr(segmenter, "windows_"):
+        report = segmenter.report(sequence.data)
+        console.print(_motion_table(report))
+        if len(report.counts) > 1:
+            console.print(_count_table(report))
     files = {
         "labels": arguments.out,
         "picture": arguments.render,
