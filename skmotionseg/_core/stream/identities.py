@@ -49,6 +49,19 @@ class Trace(NamedTuple):
             velocity = np.median(steps, axis=0) / back
         return cls(frame, place, velocity, float(radius))
 
+    @classmethod
+    def first(cls, frame, points, seen):
+        """As :meth:`of`, for the first frame in which three of the tracks are seen.
+
+        The velocity is that of time running backwards.
+        """
+        frames = np.flatnonzero(seen.sum(axis=0) >= 3)
+        if len(frames) == 0:
+            return None
+        back = slice(None, frames[0] - 1 if frames[0] else None, -1)
+        first = frame - seen.shape[1] + 1 + int(frames[0])
+        return cls.of(first, points[:, back], seen[:, back])
+
     def continued(self, other, pixel):
         """How well a later trace is where this one leads.
 

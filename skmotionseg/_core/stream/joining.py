@@ -180,11 +180,11 @@ class Joiner:
 
 def _trace(start, points, seen, first):
     """Where tracks are in the first or last frame that sees three of them."""
-    frames = np.flatnonzero(seen.sum(axis=0) >= 3)
-    if len(frames) == 0:
+    last = start + seen.shape[1] - 1
+    if first:
+        return Trace.first(last, points, seen)
+    backwards = Trace.first(last, points[:, ::-1], seen[:, ::-1])
+    if backwards is None:
         return None
-    if not first:
-        last = frames[-1]
-        return Trace.of(start + last, points[:, : last + 1], seen[:, : last + 1])
-    backwards = slice(None, frames[0] - 1 if frames[0] else None, -1)
-    return Trace.of(start + frames[0], points[:, backwards], seen[:, backwards])
+    gone = last - backwards.frame  # frames from the first to the last that sees it
+    return backwards._replace(frame=start + gone)

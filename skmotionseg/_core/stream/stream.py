@@ -308,8 +308,11 @@ class MotionStream:
 
     def _confirm(self, motion, rows, events):
         """Give a candidate a number; "dropped" if there are as many as may be."""
+        first = Trace.first(
+            self.frame, self.buffer.points[rows], self.buffer.seen[rows]
+        )
         number, again = self.numbers.of(
-            motion.trace,
+            first,
             self._pixel(),
             {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
@@ -340,7 +343,8 @@ class MotionStream:
             buffer.labels = self.numbers.final(buffer.labels)
             words = f"motion {motion.number} is the same as {other.number}"
         else:
-            self.numbers.hide(motion.number, motion.trace)
+            if motion.is_established:  # else it may not have been one
+                self.numbers.hide(motion.number, motion.trace)
             words = f"motion {motion.number} is out of view"
         events.append(Event(self.frame, decision, words))
 
