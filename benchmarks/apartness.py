@@ -3,8 +3,8 @@
 Over-segmentations of scenes are merged down to one group, and each two groups that are
 met on the way are a sample: apart if they are (mostly) of different motions; one if
 they are of the same motion, or one of them is of outliers. A logistic regression on how
-much worse one rigid motion explains both than two do, and on the share of the smaller
-group's links that go to the other, gives the constants of
+much worse one rigid motion explains both than two do, and on the log of the links
+between them over those that chance would give, gives the constants of
 ``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression on
 pairs of real sequences, for comparison::
 
@@ -25,20 +25,8 @@ from skmotionseg._core.partition import rigid_search, search
 
 # Pairs of images and photographs have too few frames in common.
 WITHOUT_WINDOWS = ("two_images", "photographs")
-# Gains above this say no more.
-MOST_GAIN = 5.0
 # A group is of the motion that most of its tracks have, if so many do.
 PURE = 0.8
-
-
-class _Recorded(rigid_search.RigidSearch):
-    """A search that is kept, with the tracks that it was for."""
-
-    kept: list[_Recorded] = []
-
-    def __init__(self, windows, affinity):
-        super().__init__(windows, affinity)
-        self.kept.append(self)
 
 
 def pairs_of(X, target):
@@ -52,25 +40,34 @@ def pairs_of(X, target):
     Returns
     -------
     list of (float, float, int)
-        Gain, share of the smaller group's links, and 1 if the two are apart.
+        Gain, log of links over chance, and 1 if the two are apart.
     """
-    sure, rigid_search.SURE = rigid_search.SURE, np.inf  # nothing is: all are merged
-    search.RigidSearch, _Recorded.kept = _Recorded, []
+    kept: list[rigid_search.RigidSearch] = []
+
+    def descend(found, over_segments, *_):
+        found.calibrate(over_segments[0])
+        for some in over_segments:
+            found.descent(some, 1)
+        kept.append(found)
+
+    search.rigid_partitions, before = descend, search.rigid_partitions
     try:
         MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
     finally:
-        rigid_search.SURE, search.RigidSearch = sure, rigid_search.RigidSearch
+        search.rigid_partitions = before
     labels = {
         row[np.isfinite(row)].tobytes(): y for row, y in zip(X, target, strict=True)
     }
     rows = []
-    for kept in _Recorded.kept:
-        points = kept.windows.points
+    for one in kept:
+        points = one.windows.points
         mine = np.array([labels[_digest(track)] for track in points])
-        for key, found in kept.apart.items():
+        for key, found in one.apart.items():
             truth = _truth(*(mine[np.frombuffer(each, dtype=int)] for each in key))
             if truth is not None:
-                rows.append((min(found.gain, MOST_GAIN), found.cut, truth))
+                gain = min(found.gain, rigid_search.MOST_GAIN)
+                links = np.log(found.links + rigid_search.FEWEST_LINKS)
+                rows.append((gain, links, truth))
     return rows
 
 

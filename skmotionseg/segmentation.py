@@ -26,7 +26,7 @@ from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.motions import fit_motions
-from ._core.partition.search import SPARSITIES, search_partitions
+from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
 from ._segmenter.long_clips import LONG_CLIP, segment_in_windows
@@ -171,9 +171,9 @@ estimator, default="description_length"
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each, two terms, such as the normalised cut and the description length per
-        observation, and the weighted total. The count of the lowest total is taken, but
-        by description length only if each two motions gain from being apart.
+        For each, two terms, such as the share of the links that go to other motions and
+        the nats per track, and the weighted total. The count of the lowest total is
+        taken, but by description length only if each two motions gain from being apart.
     cost_names_ : (str, str)
         What the two terms are.
     cost_weights_ : (float, float)
@@ -187,6 +187,14 @@ estimator, default="description_length"
     gainless_pairs_ : ndarray of int, shape (n_counts, 2)
         For each, two motions of its partition that gain too little from being apart, if
         it was passed over for that; else -1.
+    log_odds_ : ndarray of shape (n_counts,)
+        For each, the log odds that the two least different motions of its partition are
+        two and not one. NaN where nobody asked: for the fewest motions, for a given
+        number, and where fundamental matrices of frame pairs judge (of two images, of
+        fewer than 40 tracks, of tracks seen in fewer than three frames of a window).
+    count_probabilities_ : ndarray of shape (n_counts,)
+        How likely each number of motions is, from ``log_odds_``; they sum to 1. NaN
+        where frame pairs judge.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         The tracks that were fitted, by their position.
     windows_ : ndarray of int, shape (n_windows, 2)
@@ -489,6 +497,8 @@ estimator, default="description_length"
         self.gainless_pairs_ = follow_pairs(
             found.gainless, found.labels, self.candidate_labels_[:, self.landmarks_]
         )
+        self.log_odds_ = _or_unknown(found.log_odds, found.counts)
+        self.count_probabilities_ = count_probabilities(found.counts, self.log_odds_)
         self.n_motions_ = int(self.labels_.max()) + 1
         self._keep_motions(points, visibility, affinities)
         self._known = dict(zip(_digests(points), self.labels_.tolist(), strict=True))
@@ -667,6 +677,10 @@ def _without_outliers(points, visibility, labels, explanation):
         order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
         explanation = explanation.reordered(order)
     return labels, explanation
+
+
+def _or_unknown(log_odds, counts):
+    return np.full(len(counts), np.nan) if log_odds is None else log_odds
 
 
 def _reject(points, visibility, labels, explanation):
