@@ -78,7 +78,8 @@ def _labelled(frames, segmenter, table, arguments, console):
         max_side=arguments.max_side,
     )
     try:
-        for number, (frame, points, ids) in enumerate(tracked):
+        for number, each in enumerate(tracked):
+            points, ids = each.points, each.ids
             labels = segmenter.update(points, ids)
             for event in segmenter.events_:
                 console.print(str(event), highlight=False)
@@ -86,7 +87,7 @@ def _labelled(frames, segmenter, table, arguments, console):
                 columns = ids, np.full(len(ids), number), points, labels
                 rows = np.column_stack(columns)
                 np.savetxt(table, rows, fmt="%d,%d,%.3f,%.3f,%d")
-            yield frame, points, labels
+            yield each.frame, points, labels
     except KeyboardInterrupt:  # how one ends what a camera films
         console.print("stopped", highlight=False)
 

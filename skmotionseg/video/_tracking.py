@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from numbers import Integral, Real
-from typing import NamedTuple
 
 import numpy as np
 
@@ -65,10 +64,11 @@ class VideoTracks:
     fps: float | None
 
 
-class TrackedFrame(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
     """A frame, and the points that are tracked in it.
 
-    Attributes
+    Parameters
     ----------
     frame : ndarray of shape (height, width, 3), uint8
         Blue first.
@@ -189,9 +189,9 @@ def track_video(
     report = make_reporter(progress, _least(frames.n_announced, max_frames))
     log, height, width = TrackLog(), 0, 0
     options = grid_spacing, max_error, min_texture, max_side
-    for frame, points, ids in _followed(islice(frames, max_frames), *options):
-        height, width = frame.shape[:2]
-        log.record(ids, points)
+    for each in _followed(islice(frames, max_frames), *options):
+        height, width = each.frame.shape[:2]
+        log.record(each.ids, each.points)
         report(log.n_frames)
     if log.n_frames < 2:
         raise ValueError(
