@@ -221,9 +221,9 @@ def follow_points(
     source, grid_spacing, max_error, min_texture, max_frames, max_side
         As of :func:`track_video`; a whole number is a camera.
 
-    Yields
-    ------
-    TrackedFrame
+    Returns
+    -------
+    frames : iterator of TrackedFrame
 
     Raises
     ------

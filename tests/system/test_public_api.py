@@ -32,6 +32,7 @@ CORE_FOLDERS = {
     "geometry": [],
     "graph": ["labels"],
     "partition": ["geometry", "graph", "labels"],
+    "stream": ["geometry"],
 }
 LEAVES = ("metrics.py", "_version.py", "_utils/optional.py", "_utils/colours.py")
 EXTRAS = ("matplotlib", "PIL", "rich", "pandas", "cv2", "dask", "skimage")
@@ -65,6 +66,7 @@ def test_the_contract():
         "MultiModelSpectralClustering",
         "NCREModelSelector",
         "ORKKernel",
+        "OnlineMotionSegmenter",
         "PerSequence",
         "SegmentationReport",
         "SelfTuningModelSelector",

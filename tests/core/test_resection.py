@@ -1,15 +1,13 @@
-"""Parts of a stream: resection, labels that are kept, numbers that last."""
+"""Depths and poses of one more frame, the points being known."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from skmotionseg._core.geometry.resection import inverse_depths, next_poses, resect
 from skmotionseg._core.geometry.rigid_motion import Poses, relative_to, rotations_of
-from skmotionseg._core.stream.history import TRACKS_PER_BLOCK, History
-from skmotionseg._core.stream.identities import MOST_ABSENT, Numbers, Trace
 
 
 @pytest.fixture
@@ -73,65 +71,3 @@ def test_poses_relative_to_frames_of_their_own(filmed):
         alone = relative_to(Poses(*(each[[motion]] for each in poses)), reference)
         assert_allclose(moved.rotations[motion], alone.rotations[0])
         assert_allclose(moved.translations[motion, reference], 0, atol=1e-15)
-
-
-def test_history_has_the_last_label_of_each_track():
-    rng, history, expected = np.random.default_rng(0), History(), {}
-    for _ in range(60):
-        ids = rng.choice(20_000, size=400, replace=False) - 5000
-        labels = rng.integers(-1, 5, size=400)
-        history.add(ids, labels)
-        expected |= dict(zip(ids.tolist(), labels.tolist(), strict=True))
-    ids, labels = history.everything(np.array([3, 1]), np.array([8, 9]))
-    expected |= {3: 8, 1: 9}
-    assert dict(zip(ids.tolist(), labels.tolist(), strict=True)) == expected
-    assert (np.diff(ids) > 0).all()
-    del expected[3], expected[1]
-    some = np.array([*expected, 99_999])
-    assert_array_equal(history.labels_of(some), [*expected.values(), -1])
-
-
-def test_history_takes_a_few_bits_per_track():
-    history, rng = History(), np.random.default_rng(0)
-    n = 256 * TRACKS_PER_BLOCK
-    labels = (rng.uniform(size=n) < 0.1).astype(int)
-    for start in range(0, n, 100):
-        ids = np.arange(start, min(start + 100, n))
-        history.add(ids, labels[ids])
-    assert sum(len(block.packed) for block in history._blocks) < n
-    assert len(history._blocks) < 24
-
-
-def at(frame, x, y, velocity=(0.0, 0.0), radius=20.0):
-    return Trace(frame, np.array([x, y]), np.array(velocity), radius)
-
-
-def test_numbers_come_back_where_they_are_expected():
-    numbers = Numbers()
-    assert [numbers.new() for _ in range(3)] == [0, 1, 2]
-    numbers.hide(1, at(10, 100.0, 100.0, (10.0, 0.0)))
-    numbers.hide(2, at(10, 500.0, 100.0))
-    assert numbers.of(at(18, 175.0, 100.0), 1.0, {0}) == (1, True)
-    assert numbers.of(at(18, 175.0, 100.0), 1.0, {0, 1}) == (3, False)
-    assert numbers.of(at(18, 300.0, 400.0), 1.0, {0, 1, 3}, former=2) == (2, True)
-    assert numbers.hidden == {}
-
-
-def test_numbers_that_are_all_given_come_back_anywhere():
-    numbers = Numbers()
-    numbers.new(), numbers.new()
-    assert numbers.of(at(5, 0.0, 0.0), 1.0, {0, 1}, most=2) == (None, False)
-    numbers.hide(1, at(6, 0.0, 0.0))
-    assert numbers.of(at(9, 600.0, 400.0), 1.0, {0}, most=2) == (1, True)
-
-
-def test_numbers_are_forgotten_and_merged():
-    numbers = Numbers()
-    for _ in range(4):
-        numbers.new()
-    numbers.hide(1, at(0, 0.0, 0.0))
-    assert numbers.forget(MOST_ABSENT) == []
-    assert numbers.forget(MOST_ABSENT + 1) == [1]
-    numbers.merge(3, 2)
-    numbers.merge(2, 0)
-    assert_array_equal(numbers.final(np.array([-1, 0, 1, 2, 3])), [-1, 0, 1, 0, 0])
