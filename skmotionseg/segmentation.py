@@ -628,14 +628,15 @@ estimator, default="description_length"
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
              2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
         <BLANKLINE>
-                 normalised  description length
-        motions         cut     per observation    total
+                      links to  nats per
+        motions  other motions     track   total
         ---...---
-              1      0.0...             -4.1...  -4.1...  cost higher by ...
-              2      0.0...             -5.6...  -5.6...  cost higher by ...
-              3      0.1...             -6.0...  -6.0...  chosen
-              4      0.4...             -5.9...  -5.7...  cost higher by ...
-        total = 0.3 x normalised cut + description length per observation
+              1         0.0...    9...     9...   cost higher by ...
+              2         0.0...    4...     4...   cost higher by ...
+              3         0.0...    2.7...   2.7...  chosen
+              4         0.0...    2.7...   3.0...  motions 0 and 2 are one (99 %)
+        total = 4 x links to other motions + nats per track
+        Number of motions: 3 with 99 %; next, ...
         """
         check_is_fitted(self)
         if hasattr(self, "windows_"):
