@@ -116,7 +116,9 @@ def test_the_contract():
         "select_long_tracks",
     }
     assert set(video.__all__) == {
+        "TrackedFrame",
         "VideoTracks",
+        "follow_points",
         "dense_masks",
         "find_objects",
         "prompt_points",
