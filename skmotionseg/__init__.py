@@ -12,6 +12,7 @@ from .model_selection import (
     NCREModelSelector,
     SelfTuningModelSelector,
 )
+from .online import OnlineMotionSegmenter
 from .pipelines import make_motion_pipeline
 from .sampling import HypothesisSampler
 from .segmentation import MotionSegmenter
@@ -25,6 +26,7 @@ __all__ = [
     "MultiModelSpectralClustering",
     "NCREModelSelector",
     "ORKKernel",
+    "OnlineMotionSegmenter",
     "PerSequence",
     "SegmentationReport",
     "SelfTuningModelSelector",

@@ -29,6 +29,7 @@ from ._core.partition.motions import fit_motions
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
+from ._segmenter.long_clips import LONG_CLIP, segment_in_windows
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import label_reasons, motions_in_pixels
 from ._segmenter.report import SegmentationReport, follow_pairs, make_report
@@ -60,6 +61,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     description length of the tracks and the normalised cut of the affinities. If the
     clip is long enough, tracks are then reassigned by rigid motion over windows of
     several frames, which finds motions that frame pairs miss.
+
+    A clip of more than 100 frames is taken in windows of 30 frames that overlap by ten.
+    They are segmented each for itself, in parallel, and joined: a motion goes on in the
+    window where most of its tracks do, and one that was out of view gets its number
+    back where it may be expected. If the number of motions is given, it is that of the
+    whole clip; fewer may be in view.
 
     Parameters
     ----------
@@ -119,10 +126,12 @@ estimator, default="description_length"
     memory : str, joblib.Memory or None, default=None
         Caches the affinities of each model, so that they are not computed again when
         the same tracks are fitted with another ``n_motions``, ``models``, ``fusion``,
-        ``lam``, ``gamma`` or ``delta``. Requires an integer ``random_state``; otherwise
-        there is a warning.
+        ``lam``, ``gamma`` or ``delta``; and the labels of each window of a long clip,
+        so that an interrupted fit continues. Requires an integer ``random_state``;
+        otherwise there is a warning.
     n_jobs : int or None, default=None
-        Number of models to fit, and of batches of tracks to label, in parallel.
+        Number of models to fit, of batches of tracks to label, and of windows of a long
+        clip to segment, in parallel.
         ``None`` means 1 unless in a :obj:`joblib.parallel_backend` context. ``-1``
         means using all processors. See :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
@@ -190,6 +199,11 @@ estimator, default="description_length"
         where frame pairs are used.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         Indices of the tracks that were fitted.
+    windows_ : ndarray of int, shape (n_windows, 2)
+        Only for clips of more than 100 frames: first and last frame of each. Such a fit
+        has ``labels_``, ``label_reasons_``, ``probabilities_`` (shares of the frames in
+        which a track was found in its motion), ``n_motions_``, ``stage_seconds_``
+        ("windows" and "total") and this, and none of the others.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
         track is seen.
@@ -335,6 +349,8 @@ estimator, default="description_length"
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         self._check_counts(len(points))
+        if points.shape[1] > LONG_CLIP:
+            return self._fit_in_windows(points, visibility)
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         seeds = view_seeds(check_random_state(self.random_state), models)
         clock = _Stopwatch()
@@ -360,6 +376,24 @@ estimator, default="description_length"
             found = self._partition(*fitted, affinities, seeds, len(points))
         with clock.measure("placing"):
             self._keep(points, visibility, affinities, found)
+        self.stage_seconds_ = clock.with_total()
+        return self
+
+    def _fit_in_windows(self, points, visibility):
+        """Set what is known of the tracks of a long clip."""
+        for name in [*vars(self)]:  # of another fit
+            if name.endswith("_") and name != "n_features_in_":
+                delattr(self, name)
+        clock, rng = _Stopwatch(), check_random_state(self.random_state)
+        with clock.measure("windows"):
+            found = segment_in_windows(points, visibility, self, rng)
+        self.labels_, self.probabilities_ = found.labels, found.shares
+        self.windows_ = found.windows
+        self.n_motions_ = int(found.labels.max(initial=-1)) + 1
+        seen_often = visibility.sum(axis=1) > self.frame_gap
+        placed = np.where(seen_often, 0, -1)
+        self.label_reasons_ = label_reasons(found.labels, placed, seen_often)
+        self._known = dict(zip(_digests(points), found.labels.tolist(), strict=True))
         self.stage_seconds_ = clock.with_total()
         return self
 
@@ -529,6 +563,8 @@ estimator, default="description_length"
         check_is_fitted(self)
         points, visibility = self._read_tracks(X, reset=False)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
+        if hasattr(self, "windows_"):
+            return self._recall(points)
         (labels,), _ = place_tracks(
             self.views_,
             points,
@@ -539,6 +575,16 @@ estimator, default="description_length"
         labels = _reject(points, visibility, labels, self._explanation)
         pairs = zip(_digests(points), labels.tolist(), strict=True)
         return np.array([self._known.get(key, new) for key, new in pairs], dtype=int)
+
+    def _recall(self, points):
+        """Labels of tracks of a long clip that were fitted."""
+        labels = [self._known.get(digest, None) for digest in _digests(points)]
+        if None in labels:
+            raise ValueError(
+                f"in clips of more than {LONG_CLIP} frames only tracks that were "
+                f"fitted can be placed; {labels.count(None)} of {len(labels)} were not"
+            )
+        return np.array(labels, dtype=int)
 
     @single_threaded
     def report(self, X: npt.ArrayLike) -> SegmentationReport:
@@ -597,6 +643,11 @@ estimator, default="description_length"
         Number of motions: 3 with 99 %; next, ...
         """
         check_is_fitted(self)
+        if hasattr(self, "windows_"):
+            raise ValueError(
+                f"there are no reports of clips of more than {LONG_CLIP} frames, in "
+                "which no number of motions is tried for the whole"
+            )
         return make_report(self, *self._read_tracks(X, reset=False))
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from .._core.geometry.tracks import unpack_tracks
+from .._segmenter.long_clips import LONG_CLIP
 from .._segmenter.report import how_sure, pixels
 from .._utils.colours import motion_colour
 from .._utils.optional import require
@@ -28,6 +29,7 @@ from .console import (
     stage_facts,
     track_facts,
 )
+from .live import segment_live
 from .mask_files import add_mask_options, check_mask_options, write_masks
 from .method_options import (
     add_method_options,
@@ -103,6 +105,13 @@ def add_segment(commands):
     videos = segment.add_argument_group("videos")
     for name, options in VIDEO_OPTIONS.items():
         videos.add_argument(name, **options)
+    videos.add_argument(
+        "--live",
+        action="store_true",
+        help="segment frame by frame, as for a camera, which is INPUT if that is a "
+        "number; memory does not grow with the video, and Ctrl-C ends it well. Draws "
+        "to --render .mp4 and writes to --out .csv as it goes",
+    )
     add_mask_options(videos)
     segment.set_defaults(run=_segment)
 
@@ -111,6 +120,9 @@ def _segment(arguments):
     from ..export import save_motions
     from ..segmentation import MotionSegmenter
 
+    if arguments.live:
+        segment_live(arguments)
+        return
     video = is_video(arguments.file)
     check_output(arguments.out, LABEL_ENDINGS)
     check_folder_of(arguments.split_dir)
@@ -124,6 +136,7 @@ def _segment(arguments):
     progress = progress_console()
     read = _track_video if video else _load_tracks
     sequence = read(arguments, progress)
+    _check_length(arguments, sequence.data.shape[1] // 2)
     with progress.status("segmenting ..."):
         segmenter = MotionSegmenter(**method_parameters(arguments))
         segmenter.fit(sequence.data)
@@ -143,6 +156,15 @@ def _segment(arguments):
             arguments.split_dir, sequence.data, labels, track_ids=sequence.track_ids
         )
         console.print(f"motions: {len(files)} files in {arguments.split_dir}")
+
+
+def _check_length(arguments, n_frames):
+    """Refuse a report of a clip that is taken in windows, before any work."""
+    if arguments.report is not None and n_frames > LONG_CLIP:
+        raise ValueError(
+            f"--report is for clips of up to {LONG_CLIP} frames; {arguments.file} has "
+            f"{n_frames} (--max-frames takes the first)"
+        )
 
 
 def _load_tracks(arguments, console):
@@ -219,10 +241,11 @@ def _print_findings(console, arguments, sequence, segmenter):
     for stage, seconds in sequence.get("seconds", {}).items():
         facts.append((f"seconds {stage}", f"{seconds:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
-    report = segmenter.report(sequence.data)
-    console.print(_motion_table(report))
-    if len(report.counts) > 1:
-        console.print(_count_table(report))
+    if not hasattr(segmenter, "windows_"):
+        report = segmenter.report(sequence.data)
+        console.print(_motion_table(report))
+        if len(report.counts) > 1:
+            console.print(_count_table(report))
     files = {
         "labels": arguments.out,
         "picture": arguments.render,

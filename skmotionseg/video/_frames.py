@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from copy import copy
 from itertools import islice
+from numbers import Integral
 from pathlib import Path
 from typing import TypeAlias
 
@@ -19,7 +20,7 @@ import numpy.typing as npt
 from .._utils.optional import require
 
 # What frames are read from, and what is told how many are done, of how many.
-Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]]
+Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]] | int
 Progress: TypeAlias = Callable[[int, int | None], object]
 
 # Optical flow needs pictures of this many pixels per side.
@@ -108,7 +109,8 @@ def open_frames(source):
 
     Parameters
     ----------
-    source : path of a video or of a folder of pictures, or iterable of arrays
+    source : path of a video or of a folder of pictures, iterable of arrays, or int
+        A whole number is a camera.
 
     Returns
     -------
@@ -124,6 +126,8 @@ def open_frames(source):
     require("cv2", extra="video")
     if isinstance(source, Frames):
         return source
+    if isinstance(source, Integral) and not isinstance(source, bool):
+        return _open_camera(int(source))
     if isinstance(source, (str, Path)) or hasattr(source, "__fspath__"):
         path = Path(source)
         return _open_folder(path) if path.is_dir() else _open_video(path)
@@ -230,6 +234,29 @@ def _read_video(path, n_announced):
             "be read",
             stacklevel=2,
         )
+
+
+# ---------------------------------------------------------------------------- cameras
+
+
+def _open_camera(number):
+    cv2 = require("cv2", extra="video")
+    capture = cv2.VideoCapture(number)
+    if not capture.isOpened():
+        raise FileNotFoundError(f"there is no camera {number}")
+    fps = capture.get(cv2.CAP_PROP_FPS)
+    return Frames(f"camera {number}", lambda: _read_camera(capture), fps=fps or None)
+
+
+def _read_camera(capture):
+    try:
+        while True:
+            good, frame = capture.read()
+            if not good:
+                return
+            yield frame
+    finally:
+        capture.release()
 
 
 # ---------------------------------------------------------------------------- folders

@@ -171,6 +171,26 @@ class _Pen:
         return _to_canvas(steps[seen[:, :-1] & seen[:, 1:]], scale)
 
 
+def write_points(labelled, path, fps):
+    """Write a video of frames with their points, as these come.
+
+    Parameters
+    ----------
+    labelled : iterable of (frame, points, labels)
+        Points (n, 2) in pixels of the frame, and a label for each.
+    path : Path
+        Ending in ``.mp4``.
+    fps : float
+    """
+    with replacing_path(path) as part:
+        _write_video((_with_points(*each) for each in labelled), part, fps)
+
+
+def _with_points(frame, points, labels):
+    seen = np.ones((len(points), 1), dtype=bool)
+    return _Pen(points[:, None], seen, labels, trail=0).draw(frame, 0)
+
+
 def with_masks(frames, masks):
     """Pairs of a frame and its mask, checked."""
     masks = iter(masks)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from numbers import Integral, Real
@@ -61,6 +62,33 @@ class VideoTracks:
     width: int
     height: int
     fps: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedFrame:
+    """A frame, and the points that are tracked in it.
+
+    Parameters
+    ----------
+    frame : ndarray of shape (height, width, 3), uint8
+        Blue first.
+    points : ndarray of shape (n_points, 2)
+        In pixels of the frame.
+    ids : ndarray of int, shape (n_points,)
+        Of their tracks.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg.video import TrackedFrame
+    >>> frame = np.zeros((48, 64, 3), np.uint8)
+    >>> TrackedFrame(frame, np.ones((1, 2)), np.array([7])).ids
+    array([7])
+    """
+
+    frame: np.ndarray
+    points: np.ndarray
+    ids: np.ndarray
 
 
 def track_video(
@@ -159,21 +187,11 @@ def track_video(
     )
     frames = open_frames(source)
     report = make_reporter(progress, _least(frames.n_announced, max_frames))
-    sower, flow, log = (
-        _Sower(grid_spacing, min_texture),
-        _PointFlow(max_error),
-        TrackLog(),
-    )
-    points, ids, previous = np.empty((0, 2)), np.empty(0, dtype=int), None
-    for frame in islice(frames, max_frames):
-        height, width = frame.shape[:2]
-        picture, scale = _shrunk_grey(frame, max_side)
-        if previous is not None:
-            points, followed = flow.follow(previous, picture, points)
-            ids = ids[followed]
-        points, ids = sower.sow(picture, points, ids, flow.back)
-        log.record(ids, (points + 0.5) / scale - 0.5)  # pixels have their centre at 0
-        previous = picture
+    log, height, width = TrackLog(), 0, 0
+    options = grid_spacing, max_error, min_texture, max_side
+    for each in _followed(islice(frames, max_frames), *options):
+        height, width = each.frame.shape[:2]
+        log.record(each.ids, each.points)
         report(log.n_frames)
     if log.n_frames < 2:
         raise ValueError(
@@ -182,6 +200,67 @@ def track_video(
     return VideoTracks(
         pack_tracks(log.assemble(min_length)), log.n_frames, width, height, frames.fps
     )
+
+
+def follow_points(
+    source: Source,
+    *,
+    grid_spacing: int | None = None,
+    max_error: float = 1.0,
+    min_texture: float = 0.03,
+    max_frames: int | None = None,
+    max_side: int | None = None,
+) -> Iterator[TrackedFrame]:
+    """Track points through a video, and hand over each frame as it comes.
+
+    The tracks are those of :func:`track_video`. Nothing is kept but the points of the
+    last frame, so a source may go on for as long as it likes.
+
+    Parameters
+    ----------
+    source, grid_spacing, max_error, min_texture, max_frames, max_side
+        As of :func:`track_video`; a whole number is a camera.
+
+    Returns
+    -------
+    frames : iterator of TrackedFrame
+
+    Raises
+    ------
+    FileNotFoundError, TypeError, ValueError, ImportError
+        As :func:`track_video`, but for the number of frames.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.ndimage import gaussian_filter
+    >>> from skmotionseg.video import follow_points
+    >>> noise = np.random.default_rng(0).normal(size=(100, 100))
+    >>> scene = np.uint8(128 + 300 * gaussian_filter(noise, 2))
+    >>> frames = [scene[20 - f : 84 - f, 20 - 2 * f : 84 - 2 * f] for f in range(3)]
+    >>> for frame in follow_points(frames):
+    ...     points, ids = frame.points, frame.ids
+    >>> points.shape == (len(ids), 2)
+    True
+    """
+    _check_parameters(grid_spacing, max_error, 1, min_texture, max_frames, max_side)
+    frames = islice(open_frames(source), max_frames)
+    return _followed(frames, grid_spacing, max_error, min_texture, max_side)
+
+
+def _followed(frames, grid_spacing, max_error, min_texture, max_side):
+    """Frames with their points, in pixels of the video, and the points' ids."""
+    sower, flow = _Sower(grid_spacing, min_texture), _PointFlow(max_error)
+    points, ids, previous = np.empty((0, 2)), np.empty(0, dtype=int), None
+    for frame in frames:
+        picture, scale = _shrunk_grey(frame, max_side)
+        if previous is not None:
+            points, followed = flow.follow(previous, picture, points)
+            ids = ids[followed]
+        points, ids = sower.sow(picture, points, ids, flow.back)
+        # Pixels have their centre at 0.
+        yield TrackedFrame(frame, (points + 0.5) / scale - 0.5, ids)
+        previous = picture
 
 
 def _shrunk_grey(frame, max_side):

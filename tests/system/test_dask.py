@@ -8,6 +8,7 @@ from threading import Lock
 
 import numpy as np
 import pytest
+from helpers.films import film
 from helpers.mortal import (
     Dies,
     ReportsPoolSizes,
@@ -25,6 +26,7 @@ from skmotionseg import (
     ORKKernel,
     PerSequence,
     make_motion_pipeline,
+    pack_tracks,
 )
 from skmotionseg._segmenter import views
 from skmotionseg.datasets import make_rigid_motions
@@ -209,6 +211,28 @@ def test_a_model_whose_worker_is_killed_is_fitted_again(scene, dask, tmp_path):
     segmenter = MotionSegmenter(3, models=models, **SMALL)
     labels = segmenter.fit_predict(X)
     assert died.exists()
+    assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))
+
+
+def test_windows_of_a_worker_that_is_killed_are_segmented_again(
+    dask, cluster, tmp_path
+):
+    movie = film(n_frames=104, n_static=50, n_moving=25)
+    X = pack_tracks(movie.points, movie.seen)[movie.seen.sum(axis=1) > 4]
+    died = tmp_path / "died"
+    here = os.getpid()
+
+    def fit(x, y):
+        if os.getpid() != here and not died.exists():
+            died.touch()
+            os.kill(os.getpid(), 9)
+        return SHIFT.fit(x, y)
+
+    models = [replace(SHIFT, fit=fit), "homography"]
+    segmenter = MotionSegmenter(2, models=models, n_jobs=2, **SMALL)
+    labels = segmenter.fit_predict(X)
+    assert died.exists()
+    assert was_run(cluster, "segmenting frames 0 to 29")
     assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))
 
 

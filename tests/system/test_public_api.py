@@ -32,6 +32,7 @@ CORE_FOLDERS = {
     "geometry": [],
     "graph": ["labels"],
     "partition": ["geometry", "graph", "labels"],
+    "stream": ["geometry"],
 }
 LEAVES = ("metrics.py", "_version.py", "_utils/optional.py", "_utils/colours.py")
 EXTRAS = ("matplotlib", "PIL", "rich", "pandas", "cv2", "dask", "skimage")
@@ -65,6 +66,7 @@ def test_the_contract():
         "MultiModelSpectralClustering",
         "NCREModelSelector",
         "ORKKernel",
+        "OnlineMotionSegmenter",
         "PerSequence",
         "SegmentationReport",
         "SelfTuningModelSelector",
@@ -114,7 +116,9 @@ def test_the_contract():
         "select_long_tracks",
     }
     assert set(video.__all__) == {
+        "TrackedFrame",
         "VideoTracks",
+        "follow_points",
         "dense_masks",
         "find_objects",
         "prompt_points",

@@ -141,7 +141,9 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
     return _poses(_minimise(problems, state.of(best), LAST_ITERATIONS), reference)
 
 
-def refine_rigid_motions(x, seen, weights, floor, reference, poses):
+def refine_rigid_motions(
+    x, seen, weights, floor, reference, poses, iterations=LAST_ITERATIONS
+):
     """Fit as :func:`fit_rigid_motions`, from given poses.
 
     Returns
@@ -152,11 +154,11 @@ def refine_rigid_motions(x, seen, weights, floor, reference, poses):
     """
     problems = _problems(x, seen, weights, floor, reference)
     others = np.delete(np.arange(x.shape[2]), reference)
-    poses = _relative_to(poses, reference)
+    poses = relative_to(poses, reference)
     rotations, translations = (each[:, others] for each in poses)
     depths = _depths(problems, rotations, translations)
     state = _state(problems, rotations, translations, depths)
-    state = _minimise(problems, state, LAST_ITERATIONS)
+    state = _minimise(problems, state, iterations)
     return _poses(state, reference), _cost(problems, state, problems.floor)
 
 
@@ -254,10 +256,22 @@ def _poses(state, reference):
     )
 
 
-def _relative_to(poses, reference):
-    """The same motions, the pose in another frame being the identity."""
-    turned = poses.rotations @ poses.rotations[:, [reference]].swapaxes(-1, -2)
-    moved = (turned @ poses.translations[:, [reference], :, None])[..., 0]
+def relative_to(poses, reference):
+    """The same motions, the pose in another frame being the identity.
+
+    Parameters
+    ----------
+    poses : Poses
+        Of B motions.
+    reference : int or sequence of B int
+
+    Returns
+    -------
+    Poses
+    """
+    batch = np.arange(len(poses.rotations))
+    turned = poses.rotations @ poses.rotations[batch, reference, None].swapaxes(-1, -2)
+    moved = (turned @ poses.translations[batch, reference, None, :, None])[..., 0]
     return Poses(turned, poses.translations - moved)
 
 

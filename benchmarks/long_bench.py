@@ -1,0 +1,139 @@
+"""Errors, time and memory on long simulated videos.
+
+    python -m benchmarks.long_bench --frames 200 400 --seeds 0 2 --how online known
+
+Scenes are of the family "long": 400 tracks per frame that live 25 frames, four motions,
+all told apart by their true matrices, no outliers. ``known`` and ``unknown`` are
+``MotionSegmenter`` on the whole clip, ``online`` is ``OnlineMotionSegmenter`` frame by
+frame, its error that of each track's most frequent label. Even seeds are for setting
+constants, odd ones for reports.
+
+Each row is measured in a process of its own. Seconds are of the processor, so that
+others on the machine count little; memory is the most that the process took, the scene
+included, and for ``online`` also what the pickled estimator takes in the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+import time
+
+import numpy as np
+
+from skmotionseg import MotionSegmenter, OnlineMotionSegmenter, unpack_tracks
+from skmotionseg.datasets import make_scene
+from skmotionseg.metrics import misclassification_error
+
+from .measuring import in_fresh_process, peak_memory
+
+HOW = ("known", "unknown", "online")
+TRACKS_PER_FRAME, LIFE, N_MOTIONS = 400, 25, 4
+# The mean number of frames in which a track of such a life is seen.
+SEEN = 24
+
+
+def long_scene(n_frames, seed):
+    """A scene with 400 tracks per frame."""
+    return make_scene(
+        "long",
+        n_tracks=TRACKS_PER_FRAME * n_frames // SEEN,
+        n_frames=n_frames,
+        n_motions=N_MOTIONS,
+        life=LIFE,
+        outliers=0,
+        random_state=seed,
+    )
+
+
+def measure(n_frames, seed, how):
+    """A row: ``error``, ``seconds``, ``per_frame`` and ``peak``, and more if online."""
+    scene = long_scene(n_frames, seed)
+    started = time.process_time()
+    if how == "online":
+        row = _stream(scene)
+    else:
+        n_motions = scene.n_motions if how == "known" else "auto"
+        segmenter = MotionSegmenter(n_motions, random_state=0)
+        row = {"labels": segmenter.fit_predict(scene.data)}
+    row["seconds"] = time.process_time() - started
+    labels = row.pop("labels")
+    row["error"] = misclassification_error(scene.target, labels)
+    row["found"] = len(np.unique(labels[labels >= 0]))
+    row["peak"] = peak_memory()
+    return row | {"n_frames": n_frames, "seed": seed, "how": how}
+
+
+def _stream(scene):
+    points, seen = unpack_tracks(scene.data)
+    n_frames = points.shape[1]
+    segmenter, seconds = OnlineMotionSegmenter(random_state=0), []
+    numbers = np.full(seen.shape, -1, dtype=np.int16)
+    for frame in range(n_frames):
+        ids = np.flatnonzero(seen[:, frame])
+        started = time.process_time()
+        numbers[ids, frame] = segmenter.update(points[ids, frame], ids)
+        seconds.append(time.process_time() - started)
+    votes = np.stack(
+        [(numbers == number).sum(axis=1) for number in range(numbers.max() + 1)]
+    )
+    return {
+        "labels": np.where(votes.any(axis=0), votes.argmax(axis=0), -1),
+        "switches": _switches(numbers, scene),
+        "state": len(pickle.dumps(segmenter)),
+        "median": float(np.median(seconds)),
+        "late": float(np.quantile(seconds, 0.95)),
+    }
+
+
+def _switches(numbers, scene):
+    """Times that most tracks of a motion change their number, per 100 frames of it."""
+    changes, frames = 0, 0
+    for motion in range(scene.n_motions):
+        own = numbers[scene.target == motion]
+        known = [column[column >= 0] for column in own.T]
+        most = [np.bincount(column).argmax() for column in known if len(column) >= 5]
+        changes += int((np.diff(most) != 0).sum())
+        frames += len(most)
+    return 100 * changes / max(frames, 1)
+
+
+def show(row):
+    """Print a row."""
+    text = (
+        f"{row['n_frames']:6d} {row['seed']:4d} {row['how']:8s} {row['error']:7.2%} "
+        f"{row['found']:3d} {row['seconds']:8.1f} s {row['peak'] / 2**20:7.0f} MiB"
+    )
+    if "late" in row:
+        text += (
+            f"  {1e3 * row['median']:.0f} / {1e3 * row['late']:.0f} ms, "
+            f"{row['state'] / 2**10:.0f} KiB, {row['switches']:.2f} switches"
+        )
+    print(text, flush=True)
+
+
+def main(arguments=None):
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.long_bench",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--frames", type=int, nargs="+", default=[200, 400])
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1, 3, 5])
+    parser.add_argument("--how", nargs="+", choices=HOW, default=list(HOW))
+    arguments = parser.parse_args(arguments)
+    print(
+        "frames seed how        error  found  seconds  peak   (median / 95 % latency)"
+    )
+    for n_frames in arguments.frames:
+        for how in arguments.how:
+            rows = []
+            for seed in arguments.seeds:
+                rows.append(in_fresh_process(measure, n_frames, seed, how))
+                show(rows[-1])
+            mean = np.mean([row["error"] for row in rows])
+            print(f"{n_frames:6d} mean {how:8s} {mean:7.2%}", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""``skmotionseg segment --live``: a camera, or a video as if it were one."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+from .._utils.optional import require
+from .._utils.writing import check_output, replacing
+from .console import facts_table
+
+# Points that a frame has by default: a grid so coarse that a camera is kept up with.
+N_POINTS = 500
+# What does not go with it, as it needs the whole video.
+WHOLE = ("split_dir", "report", "masks", "static_masks", "prompts", "viewer")
+
+
+def segment_live(arguments):
+    """Track and segment frame by frame, and draw and write what is found.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+        Of ``skmotionseg segment``.
+    """
+    from ..online import OnlineMotionSegmenter
+    from ..video._frames import open_frames
+    from ..video._rendering import write_points
+
+    _check(arguments)
+    console = require("rich.console", extra="cli").Console()
+    frames = open_frames(_source(arguments.file)).every(arguments.stride)
+    segmenter = OnlineMotionSegmenter(arguments.motions, random_state=arguments.seed)
+    started = time.perf_counter()
+    with ExitStack() as files:
+        table = None
+        if arguments.out is not None:
+            table = files.enter_context(replacing(arguments.out))
+            table.write(b"track,frame,x,y,label\n")
+        labelled = _labelled(frames, segmenter, table, arguments, console)
+        if arguments.render is None:
+            for _ in labelled:
+                pass
+        else:
+            write_points(labelled, arguments.render, fps=frames.fps or 25)
+    _print(console, arguments, segmenter, time.perf_counter() - started)
+
+
+def _check(arguments):
+    check_output(arguments.out, (".csv",))
+    check_output(arguments.render, (".mp4",))
+    for name in WHOLE:
+        if getattr(arguments, name, None) is not None:
+            option = "--" + name.replace("_", "-")
+            raise ValueError(f"{option} needs the whole video, and --live has a frame")
+
+
+def _source(file):
+    """A number is a camera, unless there is a file of this name."""
+    text = str(file)
+    return int(text) if text.isdecimal() and not Path(file).exists() else file
+
+
+def _labelled(frames, segmenter, table, arguments, console):
+    """Yield frames with their points and labels, until the end or Ctrl-C."""
+    from ..video import follow_points
+
+    spacing = arguments.grid
+    if spacing is None:
+        frames, spacing = _with_spacing(frames)
+    tracked = follow_points(
+        frames,
+        grid_spacing=spacing,
+        max_frames=arguments.max_frames,
+        max_side=arguments.max_side,
+    )
+    try:
+        for number, each in enumerate(tracked):
+            points, ids = each.points, each.ids
+            labels = segmenter.update(points, ids)
+            for event in segmenter.events_:
+                console.print(str(event), highlight=False)
+            if table is not None:
+                columns = ids, np.full(len(ids), number), points, labels
+                rows = np.column_stack(columns)
+                np.savetxt(table, rows, fmt="%d,%d,%.3f,%.3f,%d")
+            yield each.frame, points, labels
+    except KeyboardInterrupt:  # how one ends what a camera films
+        console.print("stopped", highlight=False)
+
+
+def _with_spacing(frames):
+    """The same frames, and the distance at which they have so many points."""
+    from ..video._frames import Frames
+
+    iterator = iter(frames)
+    first = next(iterator, None)
+    if first is None:
+        raise ValueError(f"{frames.name} has no frames")
+    spacing = max(8, round(np.sqrt(first.shape[0] * first.shape[1] / N_POINTS)))
+
+    def again():
+        yield first
+        yield from iterator
+
+    whole = Frames(frames.name, again, fps=frames.fps, n_announced=frames.n_announced)
+    return whole, spacing
+
+
+def _print(console, arguments, segmenter, seconds):
+    n_frames = segmenter.n_frames_
+    found = segmenter.result()
+    facts = [
+        ("frames", str(n_frames)),
+        ("tracks", str(len(found.labels))),
+        ("motions found", str(found.n_motions)),
+        ("motions in view", str(segmenter.n_motions_)),
+        ("frames per second", f"{n_frames / seconds:.1f}"),
+    ]
+    console.print(facts_table(str(arguments.file), facts))
+    for name, path in (("labels", arguments.out), ("picture", arguments.render)):
+        if path is not None:
+            console.print(f"{name}: {path}", highlight=False)

@@ -1,0 +1,113 @@
+"""Which motion each track of a stream follows, as frames come."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from ..geometry.rigid_motion import FREEDOM
+
+# Nats per residual that a track costs at most, whatever its motion.
+MOST_NATS = 3.0
+# Neighbours in the picture, and nats that it is worth to go with all of them.
+N_NEIGHBOURS, NATS_OF_NEIGHBOURS = 6, 4.0
+# Nats that it takes to change a label.
+NATS_TO_CHANGE = 2.0
+# Share of what earlier frames say that is left after each frame.
+REMEMBERED = 0.95
+# Residuals above so many scales are of no inlier.
+OUTLYING = 4.0
+
+
+class Residuals(NamedTuple):
+    """How far tracks are from living motions.
+
+    Attributes
+    ----------
+    squares, freedom : ndarray of shape (n, M)
+        As of :meth:`Window.squares`.
+    nats : ndarray of shape (n, M)
+        Cost of each track by each motion, for all of its residuals.
+    scale : float
+        Of the residuals, in calibrated coordinates.
+    """
+
+    squares: np.ndarray
+    freedom: np.ndarray
+    nats: np.ndarray
+    scale: float
+
+    def deviations(self):
+        """Root mean square residuals (n, M), in scales; NaN where unknown."""
+        return np.sqrt(self.squares / np.maximum(self.freedom, 1)) / self.scale
+
+    def without(self, column):
+        """The same without a motion."""
+        left = np.delete(np.arange(self.nats.shape[1]), column)
+        squares, freedom, nats = self.squares, self.freedom, self.nats
+        return Residuals(squares[:, left], freedom[:, left], nats[:, left], self.scale)
+
+
+def measure(window, fits, scale, rows=None):
+    """Residuals of tracks of a window from motions.
+
+    Where a motion is known in some of a track's frames only, the others cost the same
+    as these; where in none, the track costs most.
+    """
+    squares, freedom = window.squares(fits, rows)
+    every = window.freedom if rows is None else window.freedom[rows]
+    ratio = np.where(freedom > 0, squares, 0) / (FREEDOM * scale**2)
+    nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
+    per_residual = np.minimum(nats / np.maximum(freedom, 1), MOST_NATS)
+    per_residual = np.where(freedom > 0, per_residual, MOST_NATS)
+    return Residuals(squares, freedom, per_residual * every[:, None], scale)
+
+
+def neighbour_shares(points, columns, n_motions):
+    """Shares (n, M) of each track's neighbours in the picture that have a motion.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2)
+    columns : ndarray of int, shape (n,)
+        Motion of each; negative ones have no vote.
+    n_motions : int
+    """
+    shares = np.zeros((len(points), n_motions))
+    voters = np.flatnonzero(columns >= 0)
+    if len(voters) < 2:
+        return shares
+    k = min(N_NEIGHBOURS + 1, len(voters))
+    _, near = KDTree(points[voters]).query(points, k)
+    near = voters[near.reshape(len(points), k)]
+    votes = near != np.arange(len(points))[:, None]
+    for place in range(k):
+        shares[np.arange(len(points)), columns[near[:, place]]] += votes[:, place]
+    return shares / np.maximum(votes.sum(axis=1, keepdims=True), 1)
+
+
+def assign(nats, memory, shares, columns):
+    """Motion of each track: what it costs now and did before, and its neighbours.
+
+    Parameters
+    ----------
+    nats, memory, shares : ndarray of shape (n, M)
+    columns : ndarray of int, shape (n,)
+        Motions so far; -1 for none.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+    """
+    total = nats + memory - NATS_OF_NEIGHBOURS * shares
+    known = np.flatnonzero(columns >= 0)
+    total[known, columns[known]] -= NATS_TO_CHANGE
+    return total.argmin(axis=1)
+
+
+def remembered(memory, nats, length):
+    """Memory after a frame whose window has so many."""
+    worse = nats - nats.min(axis=1, keepdims=True)
+    return REMEMBERED * memory + worse / length

@@ -1,0 +1,154 @@
+"""Motions that nobody follows yet: found among tracks that no motion explains."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from ..geometry.windows import REFERENCE_WIDTH
+from .assignment import measure
+
+# Tracks are unexplained above so many scales, if they have enough residuals to tell.
+UNEXPLAINED, LEAST_FREEDOM = 2.0, 5
+# Groups of neighbours that motions are fitted to, and tracks of each.
+N_SEEDS, TRACKS_PER_SEED = 5, 10
+# Tracks that make a motion, and nats that it saves, per track and in all.
+FEWEST_MEMBERS, NATS_PER_TRACK, LEAST_SAVED = 6, 3.0, 60.0
+# Times that a candidate is fitted to the tracks that it explains.
+ROUNDS = 2
+# Tracks of each of two motions that a joint one is fitted to.
+JOINTLY = 20
+# Deviations, in pixels of a video 640 pixels wide, below which all are alike.
+ALIKE = 0.1
+
+
+def find_candidate(window, residuals, chosen, points, seen_now, rng):
+    """A motion of tracks that no living motion explains.
+
+    Parameters
+    ----------
+    window : Window
+    residuals : Residuals
+        From the living motions.
+    chosen : ndarray of int, shape (n,)
+        Motion of each track.
+    points : ndarray of shape (n, 2)
+        Newest positions, pixels.
+    seen_now : ndarray of bool, shape (n,)
+    rng : RandomState
+
+    Returns
+    -------
+    fit : Fit or None
+    members : ndarray of int
+        Tracks that it explains much better than their own motions.
+    """
+    judged = seen_now & (window.freedom >= LEAST_FREEDOM)
+    own = np.take_along_axis(residuals.deviations(), chosen[:, None], axis=1)[:, 0]
+    lost = np.flatnonzero(judged & ~(own < UNEXPLAINED))
+    nothing = None, lost[:0]
+    if len(lost) < FEWEST_MEMBERS:
+        return nothing
+    fits = [fit for fit in window.fit(_neighbourhoods(points[lost], lost, rng)) if fit]
+    rows = np.flatnonzero(judged)
+    costs = np.take_along_axis(residuals.nats, chosen[:, None], axis=1)[rows, 0]
+    for _ in range(ROUNDS):
+        fit, members, _ = _best(window, fits, residuals.scale, rows, costs)
+        fits = [fit for fit in window.fit([members], [fit]) if fit] if fit else []
+    fit, members, saved = _best(window, fits, residuals.scale, rows, costs)
+    return (fit, members) if saved >= LEAST_SAVED else nothing
+
+
+def joint_motion(window, scale, fits, groups):
+    """One motion for the tracks of two, and how much worse it is than their own.
+
+    Parameters
+    ----------
+    window : Window
+    scale : float
+    fits : tuple of (Fit, Fit)
+    groups : tuple of (ndarray of int, ndarray of int)
+
+    Returns
+    -------
+    fit : Fit or None
+        The best of what can be refined from either, and fitted from the start, to some
+        tracks of both.
+    apart : float
+        Median logarithm of the ratio of squared deviations, of the group for which it
+        is greater; infinite if there is no fit.
+    """
+    some = np.sort(np.concatenate([_spread(rows) for rows in groups]))
+    found = [*window.fit([some, some], list(fits)), *window.fit([some])]
+    found = [fit for fit in found if fit]
+    if not found:
+        return None, np.inf
+    costs = measure(window, found, scale, some).nats.sum(axis=0)
+    best = found[int(costs.argmin())]
+    apart = [
+        apartness(window, measure(window, [fit, best], scale, rows), 0)[1]
+        for fit, rows in zip(fits, groups, strict=True)
+    ]
+    return best, float(max(apart))
+
+
+def _spread(rows):
+    return rows[np.linspace(0, len(rows) - 1, min(JOINTLY, len(rows))).astype(int)]
+
+
+def apartness(window, residuals, column, rows=None):
+    """How much worse tracks of a motion are explained by each of the others.
+
+    Parameters
+    ----------
+    window : Window
+    residuals : Residuals
+    column : int
+    rows : ndarray of int, optional
+        Tracks of the motion; all if not given.
+
+    Returns
+    -------
+    ndarray of shape (M,)
+        Medians of the logarithm of the ratio of squared deviations: half of the tracks
+        must tell the two apart. Infinite for the motion itself, and where no track
+        says anything.
+    """
+    rows = slice(None) if rows is None else rows
+    freedom = np.maximum(residuals.freedom[rows], 1)
+    alike = (ALIKE / REFERENCE_WIDTH * _share(window.camera)) ** 2
+    logs = np.log(residuals.squares[rows] / freedom + alike)
+    worse = logs - logs[:, [column]]
+    apart = np.full(worse.shape[1], np.inf)
+    for other in np.flatnonzero(np.isfinite(worse).any(axis=0)):
+        if other != column:
+            apart[other] = np.nanmedian(worse[:, other])
+    return apart
+
+
+def _share(camera):
+    """Calibrated units per width of the picture."""
+    return camera.noise * REFERENCE_WIDTH / 0.15
+
+
+def _neighbourhoods(points, rows, rng):
+    """Groups of tracks that are near each other: one about each of some."""
+    k = min(TRACKS_PER_SEED, len(rows))
+    some = rng.permutation(len(rows))[:N_SEEDS]
+    _, near = KDTree(points).query(points[some], k)
+    return [np.sort(rows[group]) for group in near.reshape(len(some), k)]
+
+
+def _best(window, fits, scale, rows, costs):
+    """Of some motions the one that saves most nats, its members, and what it saves."""
+    if not fits:
+        return None, rows[:0], 0.0
+    measured = measure(window, fits, scale, rows)
+    saved = costs[:, None] - measured.nats
+    members = (saved > NATS_PER_TRACK) & (measured.deviations() < UNEXPLAINED)
+    members &= members.sum(axis=0) >= FEWEST_MEMBERS
+    total = np.where(members, saved, 0).sum(axis=0)
+    best = int(total.argmax())
+    if not members[:, best].any():
+        return None, rows[:0], 0.0
+    return fits[best], rows[members[:, best]], float(total[best])

@@ -1,0 +1,97 @@
+"""Tracks of the last frames of a stream, in the order of their ids."""
+
+from __future__ import annotations
+
+import numpy as np
+
+UNKNOWN = -1
+
+
+class TrackBuffer:
+    """What is remembered of each track that was seen in the last frames.
+
+    Parameters
+    ----------
+    length : int
+        Frames that are kept.
+
+    Attributes
+    ----------
+    ids : ndarray of int, shape (n,)
+        Ascending, so that nothing depends on the order in which tracks come.
+    points : ndarray of shape (n, length, 2)
+        Pixels; 0 where unseen.
+    seen : ndarray of bool, shape (n, length)
+    labels : ndarray of int, shape (n,)
+        Number of each track's motion, -1 for none yet; less for a candidate.
+    before : ndarray of int, shape (n,)
+        Label before a candidate took the track.
+    outlying : ndarray of bool, shape (n,)
+        Whether the track was an outlier when it was last seen.
+    memory : ndarray of shape (n, M)
+        Nats by which earlier frames speak against each living motion.
+    """
+
+    def __init__(self, length):
+        self.ids = np.empty(0, dtype=np.int64)
+        self.points = np.empty((0, length, 2))
+        self.seen = np.empty((0, length), dtype=bool)
+        self.labels = np.empty(0, dtype=np.int64)
+        self.before = np.empty(0, dtype=np.int64)
+        self.outlying = np.empty(0, dtype=bool)
+        self.memory = np.empty((0, 0))
+
+    def push(self, points, ids):
+        """Go on by a frame.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n_seen, 2)
+        ids : ndarray of int, shape (n_seen,)
+
+        Returns
+        -------
+        rows : ndarray of int, shape (n_seen,)
+            Where the tracks are now.
+        new : ndarray of int
+            Rows of those that were not here.
+        gone : tuple of (ndarray of int, ndarray of int)
+            Ids and labels of those that are here no longer.
+        """
+        kept = self.seen[:, 1:].any(axis=1) | np.isin(self.ids, ids)
+        labels = np.where(self.outlying, UNKNOWN, self.shown())
+        gone = self.ids[~kept], labels[~kept]
+        n_new = len(new_ids := np.setdiff1d(ids, self.ids))
+        every = np.concatenate([self.ids[kept], new_ids])
+        order = np.argsort(every, kind="stable")
+        self.ids = every[order]
+        self.points = _grown(_shifted(self.points[kept]), n_new, 0)[order]
+        self.seen = _grown(_shifted(self.seen[kept]), n_new, False)[order]
+        self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
+        self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
+        self.outlying = _grown(self.outlying[kept], n_new, False)[order]
+        self.memory = _grown(self.memory[kept], n_new, 0)[order]
+        rows = np.searchsorted(self.ids, ids)
+        self.points[rows, -1], self.seen[rows, -1] = points, True
+        return rows, np.searchsorted(self.ids, new_ids), gone
+
+    def shown(self):
+        """Labels in which tracks of candidates have the label of before."""
+        return np.where(self.labels < UNKNOWN, self.before, self.labels)
+
+    def follow(self, labels):
+        """Set labels; tracks that go to a candidate keep those of before in mind."""
+        self.before, self.labels = self.shown(), labels
+
+    def release(self, label):
+        """Give the tracks of a candidate the label of before."""
+        self.labels = np.where(self.labels == label, self.before, self.labels)
+
+
+def _shifted(values):
+    """Values of one frame less, and room for the next."""
+    return np.concatenate([values[:, 1:], np.zeros_like(values[:, :1])], axis=1)
+
+
+def _grown(values, n, fill):
+    return np.concatenate([values, np.full((n, *values.shape[1:]), fill, values.dtype)])

@@ -1,0 +1,190 @@
+"""Partitions of windows of a video, joined by their tracks and by the motions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from .identities import Numbers, Trace
+
+# Frames of a window, and frames that it shares with the next.
+WINDOW, OVERLAP = 30, 10
+# Frames of a window in which its tracks are seen, if they are anywhere.
+FEWEST_SEEN = 5
+# A motion goes on if it shares this part of the tracks that the smaller of two groups
+# shares with others, and so many.
+SHARED_PART, SHARED_TRACKS = 0.5, 3
+
+
+class Part(NamedTuple):
+    """A window of a video.
+
+    Attributes
+    ----------
+    start, stop : int
+        Its frames.
+    tracks : ndarray of int
+        Those that are seen enough in it.
+    """
+
+    start: int
+    stop: int
+    tracks: np.ndarray
+
+
+def parts_of(visibility):
+    """Windows that overlap and cover a video, and their tracks.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    list of Part
+        Each track that is seen is in one of them.
+    """
+    n_frames = visibility.shape[1]
+    n_windows = 1 + int(np.ceil(max(n_frames - WINDOW, 0) / (WINDOW - OVERLAP)))
+    starts = np.linspace(0, max(n_frames - WINDOW, 0), n_windows).round().astype(int)
+    times = [visibility[:, start : start + WINDOW].sum(axis=1) for start in starts]
+    most = np.maximum.reduce(times)
+    return [
+        Part(
+            int(start),
+            int(min(start + WINDOW, n_frames)),
+            np.flatnonzero((n >= np.minimum(most, FEWEST_SEEN)) & (n > 0)),
+        )
+        for start, n in zip(starts, times, strict=True)
+    ]
+
+
+class Joiner:
+    """Numbers for the motions of one window after the other.
+
+    Parameters
+    ----------
+    n_tracks : int
+    most : int or None
+        Motions at most.
+    pixel : float
+        Pixels per pixel of a picture 640 pixels wide.
+
+    Attributes
+    ----------
+    numbers : Numbers
+    """
+
+    def __init__(self, n_tracks, most, pixel):
+        self.numbers, self.most, self.pixel = Numbers(), most, pixel
+        self._last = np.full(n_tracks, -1)  # number of each track in the last window
+        self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
+        self._traces: dict[int, Trace] = {}  # where the motions of the last one ended
+
+    def add(self, part, points, seen, labels):
+        """Join the next window.
+
+        Parameters
+        ----------
+        part : Part
+        points : ndarray of shape (n, L, 2)
+            Of its tracks, in its frames.
+        seen : ndarray of bool, shape (n, L)
+        labels : ndarray of int, shape (n,)
+            ``0..M - 1``, none empty; -1 for none.
+        """
+        groups = [
+            np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)
+        ]
+        going_on = self._going_on([part.tracks[rows] for rows in groups])
+        for number in set(self._traces) - set(going_on.values()):
+            self.numbers.hide(number, self._traces.pop(number))
+        order = sorted(range(len(groups)), key=lambda k: (k not in going_on, k))
+        names = np.full(len(groups) + 1, -1)  # the last is of no motion
+        for k in order:
+            rows = groups[k]
+            names[k] = going_on.get(k, -1)
+            if k not in going_on:
+                trace = _trace(part.start, points[rows], seen[rows], first=True)
+                living = {int(name) for name in names if name >= 0}
+                number, _ = self.numbers.of(
+                    trace,
+                    self.pixel,
+                    living,
+                    self._former(part.tracks[rows]),
+                    self.most,
+                )
+                names[k] = (
+                    self._shared_most(part.tracks[rows]) if number is None else number
+                )
+            trace = _trace(part.start, points[rows], seen[rows], first=False)
+            if trace is not None and names[k] >= 0:
+                self._traces[int(names[k])] = trace
+        self._vote(part.tracks, names[labels], seen.sum(axis=1))
+        self.numbers.forget(part.start)
+
+    def labels(self):
+        """The number that each track had in most frames, and in which share of them.
+
+        Returns
+        -------
+        labels : ndarray of int, shape (n_tracks,)
+            -1 for none.
+        shares : ndarray of shape (n_tracks,)
+        """
+        votes = np.pad(self._votes, ((0, 0), (0, 1)))  # argmax needs one
+        total = votes.sum(axis=1)
+        shares = votes.max(axis=1) / np.maximum(total, 1)
+        return np.where(total > 0, votes.argmax(axis=1), -1), shares
+
+    def _going_on(self, groups):
+        """Number of each group that goes on from the last window: {group: number}."""
+        living = sorted(self._traces)
+        if not living or not groups:
+            return {}
+        shared = np.array(
+            [
+                [np.sum(self._last[rows] == number) for number in living]
+                for rows in groups
+            ]
+        )
+        rows, columns = linear_sum_assignment(-shared)
+        known = np.minimum(shared.sum(axis=1)[:, None], shared.sum(axis=0))
+        return {
+            int(k): living[j]
+            for k, j in zip(rows, columns, strict=True)
+            if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
+        }
+
+    def _former(self, tracks):
+        """The number that most of some tracks have had; None if they had none."""
+        votes = self._votes[tracks].sum(axis=0)
+        return int(votes.argmax()) if votes.any() else None
+
+    def _shared_most(self, tracks):
+        """The number of the last window that most of some tracks have."""
+        known = self._last[tracks]
+        counts = np.bincount(known[known >= 0], minlength=1)
+        return int(counts.argmax()) if counts.any() else -1
+
+    def _vote(self, tracks, names, times):
+        more = self.numbers.next - self._votes.shape[1]
+        self._votes = np.pad(self._votes, ((0, 0), (0, max(more, 0))))
+        voting = names >= 0
+        self._votes[tracks[voting], names[voting]] += times[voting]
+        self._last[:] = -1
+        self._last[tracks] = names
+
+
+def _trace(start, points, seen, first):
+    """Where tracks are in the first or last frame that sees three of them."""
+    last = start + seen.shape[1] - 1
+    if first:
+        return Trace.first(last, points, seen)
+    backwards = Trace.first(last, points[:, ::-1], seen[:, ::-1])
+    if backwards is None:
+        return None
+    gone = last - backwards.frame  # frames from the first to the last that sees it
+    return backwards._replace(frame=start + gone)

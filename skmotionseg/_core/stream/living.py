@@ -1,0 +1,175 @@
+"""Motions that live: brought from frame to frame, compared, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .assignment import measure
+from .births import FEWEST_MEMBERS, apartness
+from .buffer import UNKNOWN
+from .identities import Trace
+from .window import FEWEST_TRACKS, Fit
+
+# Median deviation, in scales, above which a motion is fitted from several starts, and
+# how many are at a time.
+BADLY, MOST_REFITTED = 1.0, 2
+# Frames until a motion is fitted so again, if it fits badly, and in any case.
+REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
+# Frames after which a candidate is a motion, or is none, and by how much it is apart.
+CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 3.0
+# Apartness below which two motions are alike, and frames of it after which one that
+# was apart for less than so many frames is merged with the other.
+ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 10
+# Frames without enough tracks after which a motion is hidden.
+HIDDEN_AFTER = 8
+
+
+@dataclass
+class LivingMotion:
+    """A motion that tracks in view follow.
+
+    Attributes
+    ----------
+    number : int
+        Below -1 while it is a candidate.
+    fit : Fit
+    refitted : int
+        Frame in which it was last fitted from several starts.
+    age : int
+        Frames since it was found.
+    unseen : int
+        Frames since enough of its tracks were seen.
+    apart, alike : int
+        In how many frames it was apart from all others, and for how many it has been
+        alike to a larger one.
+    is_apart : bool
+        Whether it is now.
+    trace : Trace or None
+    """
+
+    number: int
+    fit: Fit
+    refitted: int
+    age: int = 0
+    unseen: int = 0
+    apart: int = 0
+    alike: int = 0
+    is_apart: bool = False
+    trace: Trace | None = None
+
+    @property
+    def is_candidate(self):
+        return self.number < UNKNOWN
+
+    @property
+    def is_closed(self):
+        """Whether only tracks that nothing else explains may join."""
+        return self.is_candidate or self.alike > 0
+
+    @property
+    def is_established(self):
+        return self.apart >= ESTABLISHED
+
+
+def advance(window, motions, groups):
+    """Fit living motions to the newest frame.
+
+    Parameters
+    ----------
+    window : Window
+    motions : list of LivingMotion
+        Changed in place.
+    groups : list of ndarray of int
+        Their tracks.
+    """
+    fits = window.advance(groups, [motion.fit for motion in motions])
+    refined = window.fit(groups, fits)
+    for motion, fit, new, rows in zip(motions, fits, refined, groups, strict=True):
+        motion.fit = fit if new is None else new
+        motion.age += 1
+        enough = window.seen[rows, -1].sum() >= FEWEST_TRACKS
+        motion.unseen = 0 if enough else motion.unseen + 1
+
+
+def refit(window, motions, groups, scale, frame):
+    """Fit from several starts what fits badly, or what was not for longest.
+
+    Depths and poses that were carried on for long may drift, and a sudden movement may
+    lead them astray. What fits worse than before is not taken.
+    """
+    if not motions:
+        return
+    deviations = [
+        _deviation(window, motion.fit, rows, scale)
+        for motion, rows in zip(motions, groups, strict=True)
+    ]
+    order = sorted(range(len(motions)), key=lambda k: motions[k].refitted)
+    ages = [frame - motion.refitted for motion in motions]
+    bad = [k for k in order if deviations[k] > BADLY and ages[k] >= REFITTED_AFTER]
+    due = bad[:MOST_REFITTED] or [k for k in order if ages[k] >= REFITTED_ANYWAY][:1]
+    for k, fit in zip(due, window.fit([groups[k] for k in due]), strict=True):
+        motions[k].refitted = frame
+        if fit and _deviation(window, fit, groups[k], scale) <= deviations[k]:
+            motions[k].fit = fit
+
+
+def _deviation(window, fit, rows, scale):
+    """Median deviation of tracks from a motion, in scales; 0 if nothing is known."""
+    own = measure(window, [fit], scale, rows).deviations()
+    own = own[np.isfinite(own)]
+    return float(np.median(own)) if len(own) else 0.0
+
+
+def compare(window, residuals, motions, column, rows, sizes):
+    """Note in a motion whether it is apart from all others, or alike to a larger one.
+
+    Parameters
+    ----------
+    window : Window
+    residuals : Residuals
+    motions : list of LivingMotion
+    column : int
+        Of the motion.
+    rows : ndarray of int
+        Its tracks in the newest frame.
+    sizes : ndarray of int, shape (M,)
+        Tracks of each motion.
+
+    Returns
+    -------
+    LivingMotion or None
+        The largest one that it is alike to.
+    """
+    motion = motions[column]
+    apart = apartness(window, residuals, column, rows)
+    motion.is_apart = len(rows) > 0 and bool(apart.min(initial=np.inf) > APART)
+    motion.apart += motion.is_apart
+    larger = [
+        k
+        for k, other in enumerate(motions)
+        if apart[k] < ALIKE and not other.is_candidate and sizes[k] > sizes[column]
+    ]
+    motion.alike = motion.alike + 1 if larger else 0
+    return motions[max(larger, key=lambda k: sizes[k])] if larger else None
+
+
+def verdict(motion, n_tracks):
+    """What becomes of a motion with so many tracks in the newest frame.
+
+    Returns
+    -------
+    {"confirmed", "dropped", "hidden", "merged"} or None
+        None if it goes on as it is.
+    """
+    if motion.is_candidate:
+        ripe = motion.age >= CONFIRMED_AFTER and n_tracks >= FEWEST_MEMBERS
+        if ripe and motion.is_apart:
+            return "confirmed"
+        late = motion.age >= DROPPED_AFTER or n_tracks < FEWEST_TRACKS
+        return "dropped" if late else None
+    if motion.unseen > HIDDEN_AFTER:
+        return "hidden"
+    spurious = motion.alike > MERGED_AFTER and not motion.is_established
+    return "merged" if spurious and motion.number > 0 else None

@@ -1,0 +1,395 @@
+"""Motions of a stream of tracks, carried from frame to frame."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..geometry.windows import FOCAL_LENGTHS, LEAST_NOISE
+from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
+from .births import LEAST_FREEDOM, UNEXPLAINED, find_candidate, joint_motion
+from .buffer import UNKNOWN, TrackBuffer
+from .history import History
+from .identities import Numbers, Trace
+from .living import APART, LivingMotion, advance, compare, refit, verdict
+from .window import FEWEST_TRACKS, LENGTH, Camera, Window
+
+# Frames, tracks and observations of each by which motions are found at first.
+FIRST_FRAMES, FIRST_TRACKS, FIRST_SEEN = 10, 16, 4
+# The scale of residuals, in units of their median, and the share of it that follows.
+SCALE_OF_NOISE, FOLLOWING = 2.0, 0.05
+# Frames from one look for new motions to the next.
+FRAMES_PER_LOOK = 3
+# Frames in which nothing goes on after which the film was cut: a stray one is none.
+CUT_AFTER = 3
+
+
+class Event(NamedTuple):
+    """Something that happened in a stream.
+
+    Attributes
+    ----------
+    frame : int
+    kind : str
+    words : str
+    """
+
+    frame: int
+    kind: str
+    words: str
+
+    def __str__(self):
+        return f"frame {self.frame}: {self.words}"
+
+
+class MotionStream:
+    """Motions that live in a stream, and the tracks in view.
+
+    Parameters
+    ----------
+    n_motions : int or None
+        Motions at most; None for any number.
+    rng : RandomState
+    keep_history : bool
+        Whether labels of tracks that are out of view are kept.
+
+    Attributes
+    ----------
+    frame : int
+        Of the newest frame; -1 before the first.
+    buffer : TrackBuffer
+    motions : list of LivingMotion
+    numbers : Numbers
+    history : History or None
+    camera : Camera or None
+        None as long as no motion was found.
+    scale : float
+        Of the residuals, in calibrated coordinates.
+    """
+
+    def __init__(self, n_motions, rng, keep_history=True):
+        self.n_motions, self.rng = n_motions, rng
+        self.frame = -1
+        self.buffer = TrackBuffer(LENGTH)
+        self.history = History() if keep_history else None
+        self.numbers = Numbers()
+        self.motions: list[LivingMotion] = []
+        self.camera: Any = None
+        self.scale = 0.0
+        self.first = 0  # frame since which motions are looked for, where there are none
+        self.broken = 0  # frames in which no track of before goes on
+
+    def step(self, points, ids, partition):
+        """Take in a frame.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n_seen, 2)
+            Pixels.
+        ids : ndarray of int, shape (n_seen,)
+            Each once.
+        partition : callable
+            ``(points, seen) -> labels (n,)``: motions ``0..M - 1`` of tracks (n, L, 2),
+            the static scene first, -1 for none.
+
+        Returns
+        -------
+        labels : ndarray of int, shape (n_seen,)
+        events : list of Event
+        """
+        self.frame += 1
+        rows, new, gone = self.buffer.push(points, ids)
+        self._recall(new, gone)
+        events = self._continuity(len(ids))
+        if self.motions:
+            events += self._follow()
+        if not self.motions:
+            events += self._start(partition)
+        return self.labels()[rows], events
+
+    def labels(self):
+        """Labels of the tracks in the buffer: -1 for outliers, and before a start."""
+        return np.where(self.buffer.outlying, UNKNOWN, self.buffer.shown())
+
+    def result(self):
+        """Ids of all tracks, ascending, and their labels."""
+        ids, labels = self.buffer.ids, self.labels()
+        if self.history is not None:
+            ids, labels = self.history.everything(ids, labels)
+        return ids, self.numbers.final(labels)
+
+    # ------------------------------------------------------------------ before motions
+
+    def _recall(self, new, gone):
+        """Keep labels of tracks that have left, and find those of what came back."""
+        if self.history is not None:
+            self.history.add(*gone)
+            known = self.history.labels_of(self.buffer.ids[new])
+            self.buffer.labels[new] = self.numbers.final(known)
+
+    def _continuity(self, n_seen):
+        """Note frames that see nothing, or nothing of before."""
+        if n_seen == 0:
+            return [Event(self.frame, "empty", "no track is seen")]
+        before = self.buffer.seen[:, : -self.broken - 1].any(axis=1)
+        goes_on = bool((before & self.buffer.seen[:, -1]).any())
+        if goes_on or not before.any():
+            resumed, self.broken = self.broken > 0 and goes_on, 0
+            words = "tracks of before go on again"
+            return [Event(self.frame, "resumed", words)] if resumed else []
+        self.broken += 1
+        if self.broken > 1:
+            return []
+        return [Event(self.frame, "break", "no track of the frames before goes on")]
+
+    def _start(self, partition):
+        """Find motions among the tracks of the first frames."""
+        if self.frame - self.first + 1 < FIRST_FRAMES:
+            return []
+        rows = np.flatnonzero(self.buffer.seen.sum(axis=1) >= FIRST_SEEN)
+        if len(rows) < FIRST_TRACKS:
+            return []
+        self.first = self.frame + 1  # to look again, if nothing is found
+        labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
+        groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
+        found = self._calibrated(rows, groups)
+        for k, (group, fit) in enumerate(zip(groups, found, strict=True)):
+            if fit is not None:
+                self._begin(group, fit, static=k == 0)
+        self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
+        names = ", ".join(str(motion.number) for motion in self.motions)
+        return [Event(self.frame, "start", f"motions {names}")] if names else []
+
+    def _calibrated(self, rows, groups):
+        """Fits of groups, with the camera and the scale that explain them best."""
+        best, found = np.inf, [None] * len(groups)
+        some = self.buffer.points[self.buffer.seen]
+        for share in FOCAL_LENGTHS:
+            camera = Camera.around(some, share)
+            window = Window(self.buffer.points, self.buffer.seen, camera)
+            fits = window.fit(groups)
+            known = [fit for fit in fits if fit]
+            if not known:
+                break
+            measured = measure(window, known, camera.noise, rows)
+            total = measured.nats.min(axis=1).sum()
+            if total < best:
+                best, found, self.camera = total, fits, camera
+                deviations = measured.deviations().min(axis=1)
+                noise = SCALE_OF_NOISE * np.median(deviations[np.isfinite(deviations)])
+                self.scale = camera.noise * max(1.0, float(noise))
+        return found
+
+    def _begin(self, group, fit, static):
+        """Let a motion live that was found at a start."""
+        buffer = self.buffer
+        trace = Trace.of(self.frame, buffer.points[group], buffer.seen[group])
+        living = {motion.number for motion in self.motions}
+        former = 0 if static else _most(buffer.labels[group])
+        number, _ = self.numbers.of(
+            trace, self._pixel(), living, former, self.n_motions
+        )
+        if number is not None:
+            buffer.labels[group] = number
+            motion = LivingMotion(number, fit, self.frame, trace=trace)
+            self.motions.append(motion)
+
+    # ------------------------------------------------------------------ from then on
+
+    def _follow(self):
+        """Bring motions, and the labels of tracks, to the newest frame."""
+        window = Window(self.buffer.points, self.buffer.seen, self.camera)
+        groups = self._groups()
+        advance(window, self.motions, groups)
+        refit(window, self.motions, groups, self.scale, self.frame)
+        residuals = self._assign(window)
+        residuals, events = self._judge(window, residuals)
+        self._look(window, residuals)
+        events += [
+            Event(self.frame, "gone", f"motion {number} has not been seen for long")
+            for number in self.numbers.forget(self.frame)
+        ]
+        if self.broken >= CUT_AFTER:
+            self._cut()
+            events.append(Event(self.frame, "cut", "a cut: all motions have ended"))
+        return events
+
+    def _cut(self):
+        """End all motions: what comes is another film."""
+        for motion in self.motions:
+            self.buffer.release(motion.number)
+        self.motions, self.numbers.hidden, self.broken = [], {}, 0
+        self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
+        self.first = self.frame - CUT_AFTER + 1
+
+    def _groups(self):
+        """Rows of the tracks of each living motion, without outliers."""
+        labels = np.where(self.buffer.outlying, UNKNOWN, self.buffer.labels)
+        return [np.flatnonzero(labels == motion.number) for motion in self.motions]
+
+    def _columns(self):
+        """Living motion of each track; -1 for none."""
+        columns = np.full(len(self.buffer.ids), UNKNOWN)
+        for k, motion in enumerate(self.motions):
+            columns[self.buffer.labels == motion.number] = k
+        return columns
+
+    def _assign(self, window):
+        """Residuals of all tracks from all motions, by which tracks follow one."""
+        buffer, now = self.buffer, self.buffer.seen[:, -1]
+        residuals = measure(window, [m.fit for m in self.motions], self.scale)
+        columns = self._columns()
+        shares = np.zeros_like(residuals.nats)
+        voters = np.where(window.freedom[now] >= LEAST_FREEDOM, columns[now], UNKNOWN)
+        places = buffer.points[now, -1]
+        shares[now] = neighbour_shares(places, voters, len(self.motions))
+        nats = np.where(self._may_join(residuals, columns), residuals.nats, np.inf)
+        chosen = assign(nats, buffer.memory, shares, columns)
+        told = now & self._told(window, residuals, columns, shares)
+        numbers = np.array([motion.number for motion in self.motions])
+        buffer.follow(np.where(told, numbers[chosen], buffer.labels))
+        kept = remembered(buffer.memory, residuals.nats, LENGTH)
+        buffer.memory = np.where(now[:, None], kept, buffer.memory)
+        own = np.take_along_axis(residuals.deviations(), chosen[:, None], 1)[:, 0]
+        buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
+        self._follow_noise(own[now])
+        return residuals
+
+    def _told(self, window, residuals, columns, shares):
+        """Which tracks can be told to follow a living motion: bool, (n,).
+
+        What is too young to be judged, and has no neighbours, follows nothing. What
+        followed a motion that is hidden does so until another one explains it.
+        """
+        judged = window.freedom >= LEAST_FREEDOM
+        explained = (residuals.deviations() < UNEXPLAINED).any(axis=1) & judged
+        hidden = (self.buffer.labels > UNKNOWN) & (columns < 0)
+        known = (window.freedom > 0) | shares.any(axis=1) | (columns >= 0)
+        return np.where(hidden, explained, known)
+
+    def _may_join(self, residuals, columns):
+        """Which tracks may follow which motions: bool, (n, M)."""
+        closed = np.array([motion.is_closed for motion in self.motions])
+        if closed.all():
+            return np.ones((len(columns), len(closed)), dtype=bool)
+        deviations = residuals.deviations()[:, ~closed]
+        lost = ~(deviations < UNEXPLAINED).any(axis=1)
+        own = columns[:, None] == np.arange(len(closed))
+        return ~closed | own | lost[:, None]
+
+    def _follow_noise(self, own):
+        own = own[np.isfinite(own)]
+        if len(own):
+            wanted = SCALE_OF_NOISE * float(np.median(own)) * self.scale
+            wanted = np.clip(wanted, self.camera.noise, 2 * self.scale)
+            self.scale += FOLLOWING * float(wanted - self.scale)
+
+    def _judge(self, window, residuals):
+        """Confirm, drop, merge and hide motions."""
+        events: list[Event] = []
+        labels, now = self.buffer.labels, self.buffer.seen[:, -1]
+        sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
+        for k in reversed(range(len(self.motions))):
+            motion = self.motions[k]
+            rows = np.flatnonzero(now & (self.buffer.labels == motion.number))
+            seen = self.buffer.points[rows], self.buffer.seen[rows]
+            motion.trace = Trace.of(self.frame, *seen) or motion.trace
+            rows = rows[window.freedom[rows] >= LEAST_FREEDOM]
+            other = compare(window, residuals, self.motions, k, rows, sizes)
+            decision = verdict(motion, len(rows))
+            if decision == "confirmed":
+                joint = self._explained_jointly(window, motion.fit, rows)
+                decision = "dropped" if joint else self._confirm(motion, rows, events)
+            if decision is not None:
+                self._remove(k, decision, other, events)
+                residuals, sizes = residuals.without(k), np.delete(sizes, k)
+        return residuals, events
+
+    def _confirm(self, motion, rows, events):
+        """Give a candidate a number; "dropped" if there are as many as may be."""
+        first = Trace.first(
+            self.frame, self.buffer.points[rows], self.buffer.seen[rows]
+        )
+        number, again = self.numbers.of(
+            first,
+            self._pixel(),
+            {other.number for other in self.motions if not other.unseen},
+            _most(self.buffer.before[rows]),
+            self.n_motions,
+        )
+        if number is None:
+            return "dropped"
+        for other in self.motions:
+            if other.number == number:  # it has lost its tracks: this one has them
+                other.number = UNKNOWN - 1
+        own = self.buffer.labels == motion.number
+        self.buffer.labels = np.where(own, number, self.buffer.labels)
+        motion.number, motion.apart = number, 0
+        kind, words = ("again", "is seen again") if again else ("new", "is new")
+        events.append(Event(self.frame, kind, f"motion {number} {words}"))
+        return None
+
+    def _remove(self, column, decision, other, events):
+        """Take a motion out of the living."""
+        motion = self.motions.pop(column)
+        buffer = self.buffer
+        buffer.memory = np.delete(buffer.memory, column, axis=1)
+        if motion.is_candidate:
+            buffer.release(motion.number)
+            return
+        if decision == "merged":
+            self.numbers.merge(motion.number, other.number)
+            buffer.labels = self.numbers.final(buffer.labels)
+            words = f"motion {motion.number} is the same as {other.number}"
+        else:
+            if motion.is_established:  # else it may not have been one
+                self.numbers.hide(motion.number, motion.trace)
+            words = f"motion {motion.number} is out of view"
+        events.append(Event(self.frame, decision, words))
+
+    def _look(self, window, residuals):
+        """Look for a motion of tracks that none explains: a candidate."""
+        if self.frame % FRAMES_PER_LOOK or not self.motions:
+            return
+        buffer, columns = self.buffer, self._columns()
+        chosen = np.where(columns < 0, residuals.nats.argmin(axis=1), columns)
+        now = buffer.seen[:, -1]
+        fit, members = find_candidate(
+            window, residuals, chosen, buffer.points[:, -1], now, self.rng
+        )
+        if fit is None or self._explained_jointly(window, fit, members):
+            return
+        least = buffer.memory[members].min(axis=1, initial=0)
+        memory = np.zeros((len(buffer.ids), 1))
+        memory[members, 0] = least
+        buffer.memory = np.concatenate([buffer.memory, memory], axis=1)
+        number = UNKNOWN - 1 - self.frame
+        self.motions.append(LivingMotion(number, fit, self.frame))
+        labels = buffer.labels.copy()
+        labels[members] = number
+        buffer.follow(labels)
+        buffer.outlying[members] = False
+
+    def _explained_jointly(self, window, fit, members):
+        """Whether the motion that most tracks followed explains them, fitted better."""
+        former = _most(self.buffer.shown()[members])
+        for motion, rows in zip(self.motions, self._groups(), strict=True):
+            rows = np.setdiff1d(rows, members)
+            if motion.number == former and len(rows) >= FEWEST_TRACKS:
+                fits = motion.fit, fit
+                joint, apart = joint_motion(window, self.scale, fits, (rows, members))
+                if apart < APART:
+                    motion.fit = joint
+                    return True
+        return False
+
+    def _pixel(self):
+        """Pixels per pixel of a picture 640 pixels wide."""
+        return self.camera.unit * self.camera.noise / LEAST_NOISE
+
+
+def _most(labels):
+    """The most frequent of some labels."""
+    names, counts = np.unique(labels, return_counts=True)
+    return int(names[counts.argmax()])

@@ -1,0 +1,279 @@
+"""The last frames of a stream: tracks in them, and rigid motions fitted to groups."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.resection import inverse_depths, next_poses, resect
+from ..geometry.rigid_motion import (
+    Poses,
+    fit_rigid_motions,
+    refine_rigid_motions,
+    relative_to,
+    squared_residuals,
+)
+from ..geometry.windows import FEWEST_SEEN, LEAST_NOISE, REFERENCE_WIDTH
+
+# Frames that are looked at: those in which a usual track lives on, and depth shows.
+LENGTH = 12
+# Tracks that determine a motion, and to how many it is fitted at most.
+FEWEST_TRACKS = 4
+MOST_FITTED = 40
+# Iterations from given poses, which are nearly right.
+ITERATIONS = 4
+# A reference frame sees this share of a group's tracks that the newest frame sees.
+SHARE_IN_REFERENCE = 0.7
+
+
+class Fit(NamedTuple):
+    """A rigid motion over the window.
+
+    Attributes
+    ----------
+    poses : Poses
+        Of one motion: rotations (L, 3, 3) and translations (L, 3).
+    valid : ndarray of bool, shape (L,)
+        Frames in which enough of its tracks are seen.
+    """
+
+    poses: Poses
+    valid: np.ndarray
+
+
+class Camera(NamedTuple):
+    """How pixels are calibrated.
+
+    Attributes
+    ----------
+    middle : ndarray of shape (2,)
+        Principal point, pixels.
+    unit : float
+        Focal length, pixels.
+    noise : float
+        Least standard deviation of the noise, in calibrated coordinates.
+    """
+
+    middle: np.ndarray
+    unit: float
+    noise: float
+
+    @classmethod
+    def around(cls, points, share):
+        """A camera that looks at the middle of points (n, 2).
+
+        Its focal length is a share of the larger side of what they cover.
+        """
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = float((high - low).max()) or 1.0
+        noise = LEAST_NOISE / (REFERENCE_WIDTH * share)
+        return cls((low + high) / 2, share * size, noise)
+
+
+class Window:
+    """Tracks in the last frames, calibrated.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, L, 2)
+        Pixels.
+    seen : ndarray of bool, shape (n_tracks, L)
+    camera : Camera
+
+    Attributes
+    ----------
+    freedom : ndarray of int, shape (n_tracks,)
+        Residuals of each track less the three numbers that place it; 0 where it is seen
+        too little to be judged.
+    """
+
+    def __init__(self, points, seen, camera):
+        self.camera, self.seen = camera, seen
+        self.x = np.where(seen[..., None], (points - camera.middle) / camera.unit, 0)
+        times = seen.sum(axis=1)
+        self.freedom = np.where(times >= FEWEST_SEEN, 2 * times - 3, 0)
+
+    def fit(self, groups, starts=None):
+        """Motions of groups of tracks, from several starts or from given poses.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+        starts : list of Fit, optional
+
+        Returns
+        -------
+        list of Fit or None
+            None where too few tracks are seen.
+        """
+        found: list = [None] * len(groups)
+        jobs: dict[int, list] = {}
+        for k, rows in enumerate(groups):
+            reference, rows = self._some(rows)
+            if len(rows) >= FEWEST_TRACKS:
+                jobs.setdefault(reference, []).append((k, rows))
+        for reference, some in sorted(jobs.items()):
+            x, seen, weights, floor = self._stacked([rows for _, rows in some])
+            if starts is None:
+                poses = fit_rigid_motions(x, seen, weights, floor, reference)
+            else:
+                begin = _stack([starts[k].poses for k, _ in some])
+                poses, _ = refine_rigid_motions(
+                    x, seen, weights, floor, reference, begin, ITERATIONS
+                )
+            for (k, rows), *pose in zip(some, *poses, strict=True):
+                valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
+                found[k] = Fit(Poses(*pose), valid)
+        return found
+
+    def advance(self, groups, fits):
+        """Motions with a pose in the newest frame, which was none of theirs.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+            Tracks of each motion.
+        fits : list of Fit
+            Over the frames before: the last of them is the one before the newest.
+
+        Returns
+        -------
+        list of Fit
+            The newest frame is not valid yet. By resection, from constant speed and
+            from rest; constant speed where too few tracks are seen.
+        """
+        if not fits:
+            return []
+        stacked, before = _stack([fit.poses for fit in fits]), _valid(fits)
+        moved = next_poses(stacked, before)
+        slid = Poses(
+            *(
+                np.concatenate([old[:, 1:], new[:, None]], axis=1)
+                for old, new in zip(stacked, moved, strict=True)
+            )
+        )
+        valid = np.pad(before[:, 1:], ((0, 0), (0, 1)))
+        jobs = [
+            (k, *job)
+            for k, rows in enumerate(groups)
+            if (job := self._resectable(rows, valid[k])) is not None
+        ]
+        if jobs:
+            self._resect(jobs, slid, valid)
+        each = zip(*slid, valid, strict=True)
+        return [Fit(Poses(*pose), some) for *pose, some in each]
+
+    def squares(self, fits, rows=None):
+        """Squared residuals of tracks from motions, and of how many numbers.
+
+        Parameters
+        ----------
+        fits : list of Fit
+        rows : ndarray of int, optional
+            All tracks if not given.
+
+        Returns
+        -------
+        squares : ndarray of shape (n, M)
+            NaN where a track is seen too little in the frames of a motion.
+        freedom : ndarray of shape (n, M)
+        """
+        rows = np.arange(len(self.x)) if rows is None else rows
+        squares = np.full((len(rows), len(fits)), np.nan)
+        freedom = np.zeros(squares.shape)
+        alike: dict[bytes, list[int]] = {}
+        for k, fit in enumerate(fits):
+            alike.setdefault(fit.valid.tobytes(), []).append(k)
+        for some in alike.values():
+            seen = self.seen[rows] & fits[some[0]].valid
+            times = seen.sum(axis=1)
+            known = np.flatnonzero(times >= FEWEST_SEEN)
+            if len(known) == 0:
+                continue
+            x = np.where(seen[known, :, None], self.x[rows[known]], 0)
+            poses = _stack([fits[k].poses for k in some])
+            place = np.ix_(known, np.array(some))
+            squares[place] = squared_residuals(x, seen[known], poses).T
+            freedom[place] = (2 * times[known] - 3)[:, None]
+        return squares, freedom
+
+    def _some(self, rows):
+        """A reference frame, and tracks seen in it that a motion is fitted to."""
+        seen = self.seen[rows]
+        frames = np.flatnonzero(seen.any(axis=0))
+        if len(frames) < FEWEST_SEEN:
+            return 0, rows[:0]
+        reference = _reference(seen, frames[-1], frames)
+        rows = rows[seen[:, reference] & (seen.sum(axis=1) >= FEWEST_SEEN)]
+        if len(rows) > MOST_FITTED:  # spread over the image
+            x, y = self.x[rows, reference].T
+            places = np.linspace(0, len(rows) - 1, MOST_FITTED).astype(int)
+            rows = rows[np.lexsort((y, x))][places]
+        return reference, rows
+
+    def _stacked(self, groups):
+        """Coordinates, visibility, weights and floors of some groups, padded."""
+        most = max(map(len, groups))
+        x = np.zeros((len(groups), most, *self.x.shape[1:]))
+        seen = np.zeros(x.shape[:3], dtype=bool)
+        weights = np.zeros(x.shape[:2])
+        for k, rows in enumerate(groups):
+            x[k, : len(rows)] = self.x[rows]
+            seen[k, : len(rows)] = self.seen[rows]
+            weights[k, : len(rows)] = 1
+        return x, seen, weights, np.full(len(groups), self.camera.noise)
+
+    def _resectable(self, rows, valid):
+        """A reference frame and tracks seen in it and in the newest; None if few."""
+        rows = rows[self.seen[rows, -1]]
+        frames = np.flatnonzero(valid)
+        if len(frames) < FEWEST_SEEN or len(rows) < FEWEST_TRACKS:
+            return None
+        seen = self.seen[rows]
+        reference = _reference(seen, frames[-1], frames)
+        rows = rows[seen[:, reference] & ((seen & valid).sum(axis=1) >= FEWEST_SEEN)]
+        return (reference, rows) if len(rows) >= FEWEST_TRACKS else None
+
+    def _resect(self, jobs, poses, valid):
+        """Set the newest poses of some motions, in place."""
+        which = np.array([job[0] for job in jobs])
+        references = np.array([job[1] for job in jobs])
+        x, seen, weights, _ = self._stacked([job[2] for job in jobs])
+        batch = np.arange(len(which))
+        some = relative_to(Poses(*(each[which] for each in poses)), references)
+        rays = np.ones((*x.shape[:2], 3))
+        rays[..., :2] = x[batch, :, references]
+        depths = inverse_depths(rays, x, seen & valid[which][:, None], some)
+        starts = [np.concatenate([each[:, -1], each[:, -2]]) for each in some]
+        R, t, medians = resect(
+            _twice(rays),
+            _twice(depths),
+            _twice(x[:, :, -1]),
+            _twice(weights * seen[..., -1]),
+            starts,
+            self.camera.noise,
+        )
+        best = batch + len(which) * (medians[len(which) :] < medians[: len(which)])
+        some.rotations[:, -1], some.translations[:, -1] = R[best], t[best]
+        for all_poses, new in zip(poses, some, strict=True):
+            all_poses[which] = new
+
+
+def _reference(seen, newest, frames):
+    """Of the frames with most tracks that the newest sees, the one in the middle."""
+    often = (seen & seen[:, [newest]]).sum(axis=0)[frames]
+    often = frames[often >= SHARE_IN_REFERENCE * often.max()]
+    return int(often[np.abs(often - (seen.shape[1] - 1) // 2).argmin()])
+
+
+def _twice(values):
+    return np.concatenate([values, values])
+
+
+def _valid(fits):
+    return np.array([fit.valid for fit in fits])
+
+
+def _stack(poses):
+    return Poses(*map(np.stack, zip(*poses, strict=True)))

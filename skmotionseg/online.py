@@ -1,0 +1,246 @@
+"""From tracks to motions, a frame at a time."""
+
+from __future__ import annotations
+
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from sklearn.base import BaseEstimator
+from sklearn.exceptions import NotFittedError
+from sklearn.utils import Bunch, check_random_state
+from sklearn.utils._param_validation import Interval, StrOptions
+
+from ._core.geometry.tracks import pack_tracks
+from ._core.labels import canonical_labels
+from ._core.partition.scene import background_motion
+from ._core.stream.stream import Event, MotionStream
+from ._parallel.threads import single_threaded
+from .segmentation import MotionSegmenter
+
+# Motions that are looked for in the first frames, if their number is not given.
+MOST_AT_FIRST = 10
+
+
+class OnlineMotionSegmenter(BaseEstimator):
+    """Say which tracks move together while the camera films, a frame at a time.
+
+    The first ten frames are segmented by :class:`MotionSegmenter`. From then on each
+    motion, a rigid one before a calibrated camera, is carried from frame to frame: its
+    pose in a new frame is found by resection from the depths of its tracks, and
+    adjusted together with those of the eleven frames before. Tracks follow the motion
+    that explains them best, in these frames and, less and less, in earlier ones;
+    neighbours in the picture have a say where that is open. Tracks that no motion
+    explains make a new one, if it explains several of them much better than a motion
+    that is there could, and still does so five frames later.
+
+    Labels are identities that last. A motion keeps its number as long as it lives, and
+    a number is given once. 0 is the static scene. What stops keeps its number, and what
+    was out of view gets its own back if its tracks do, or if it comes back to where it
+    may be expected, within 100 frames.
+
+    Parameters
+    ----------
+    n_motions : int or "auto", default="auto"
+        Number of motions that there are in the whole video, the static scene being one:
+        no more numbers are given. In view may be fewer.
+    keep_history : bool, default=True
+        Whether labels of tracks that are out of view are kept, for :meth:`result` and
+        for tracks that come back after more than twelve frames. That takes about a bit
+        per track; all else depends only on what is in view.
+    random_state : int, RandomState instance or None, default=None
+        Drives the segmentation of the first frames, and where new motions are looked
+        for.
+
+    Attributes
+    ----------
+    labels_ : ndarray of int, shape (n_seen,)
+        Of the tracks of the newest frame, in their order: 0 for the static scene, 1, 2,
+        ... for other motions; -1 for a track that belongs to no motion, that is too
+        short to judge and has no neighbours, or that came before motions were found.
+    track_ids_ : ndarray of int, shape (n_seen,)
+        Of the same tracks, as they were given.
+    n_motions_ : int
+        Motions in view.
+    motions_ : ndarray of int, shape (n_motions_,)
+        Their numbers, ascending.
+    background_ : int
+        0 once there is a static scene, -1 before.
+    n_frames_ : int
+        Frames so far.
+    events_ : list of Event
+        What happened in the newest frame: each has ``frame``, ``kind`` and ``words``.
+        Kinds are "start" (the first motions are found), "new", "again" (a motion that
+        was out of view), "hidden" (it is out of view), "gone" (it is given up),
+        "merged" (it is the same as another), "empty" (a frame without tracks), "break"
+        (none of the tracks before goes on), "resumed" (they do again) and "cut" (they
+        do not).
+
+    See Also
+    --------
+    MotionSegmenter : The same for a clip that is there as a whole.
+
+    Notes
+    -----
+    The estimator can be pickled between any two frames, and goes on as it would have.
+    The order of the tracks within a frame does not matter.
+
+    A label that was given is not taken back. Where two motions turn out to be one, and
+    where a track changes sides, :meth:`result` has the last label.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from skmotionseg import OnlineMotionSegmenter, unpack_tracks
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> X, y = make_rigid_motions(n_tracks=120, n_frames=14, random_state=0)
+    >>> points, seen = unpack_tracks(X)
+    >>> segmenter = OnlineMotionSegmenter(random_state=0)
+    >>> for frame in range(14):
+    ...     ids = np.flatnonzero(seen[:, frame])
+    ...     labels = segmenter.update(points[ids, frame], ids)
+    >>> segmenter.n_motions_, segmenter.background_
+    (3, 0)
+    >>> bool(np.mean(labels == y[ids]) > 0.9)
+    True
+    """
+
+    _parameter_constraints: dict = {
+        "n_motions": [
+            Interval(Integral, 1, None, closed="left"),
+            StrOptions({"auto"}),
+        ],
+        "keep_history": ["boolean"],
+        "random_state": ["random_state"],
+    }
+
+    def __init__(
+        self,
+        n_motions: int | str = "auto",
+        *,
+        keep_history: bool = True,
+        random_state: int | np.random.RandomState | None = None,
+    ) -> None:
+        self.n_motions = n_motions
+        self.keep_history = keep_history
+        self.random_state = random_state
+
+    @single_threaded
+    def update(
+        self, points: npt.ArrayLike, track_ids: npt.ArrayLike
+    ) -> npt.NDArray[np.intp]:
+        """Take in a frame.
+
+        Parameters
+        ----------
+        points : array-like of shape (n_seen, 2)
+            Where the tracks of the new frame are, pixels.
+        track_ids : array-like of int, shape (n_seen,)
+            Which tracks these are. An id that was seen before is the same track, even
+            after a gap.
+
+        Returns
+        -------
+        labels : ndarray of int, shape (n_seen,)
+
+        Raises
+        ------
+        TypeError, ValueError
+            If the points are not pairs of finite real numbers, or there is not one
+            whole number for each, or one comes twice. Nothing has changed then.
+        """
+        points, ids = _checked_frame(points, track_ids)
+        if not hasattr(self, "_stream"):
+            self._validate_params()
+            self._stream = self._begin()
+        labels, events = self._stream.step(points, ids, self._partition)
+        self.labels_, self.track_ids_, self.events_ = labels, ids, events
+        numbers = [m.number for m in self._stream.motions if not m.is_candidate]
+        self.motions_ = np.array(sorted(numbers), dtype=int)
+        self.n_motions_ = len(numbers)
+        self.background_ = 0 if self._stream.numbers.next else -1
+        self.n_frames_ = self._stream.frame + 1
+        return labels.copy()
+
+    def result(self) -> Bunch:
+        """All tracks so far, and their motions.
+
+        Returns
+        -------
+        result : Bunch
+            ``track_ids``, ndarray of int, shape (n_tracks,), ascending; ``labels``,
+            ndarray of int, shape (n_tracks,): the last label of each, in which motions
+            that turned out to be one have one number; ``n_motions``, int: different
+            labels, without -1. Without history, of the tracks of the last frames only.
+
+        Raises
+        ------
+        NotFittedError
+            Before the first frame.
+        """
+        if not hasattr(self, "_stream"):
+            raise NotFittedError("no frame has been given to update yet")
+        ids, labels = self._stream.result()
+        n_motions = len(np.unique(labels[labels >= 0]))
+        return Bunch(track_ids=ids, labels=labels, n_motions=n_motions)
+
+    def _begin(self):
+        rng = check_random_state(self.random_state)
+        rng = np.random.RandomState(rng.randint(2**31 - 1))
+        most = None if self.n_motions == "auto" else self.n_motions
+        return MotionStream(most, rng, self.keep_history)
+
+    def _partition(self, points, seen):
+        """Motions of the tracks of the first frames, the static scene first."""
+        most: Any = MOST_AT_FIRST if self.n_motions == "auto" else self.n_motions
+        seed = self._stream.rng.randint(2**31 - 1)
+        segmenter = MotionSegmenter(max_motions=most, random_state=seed)
+        try:
+            labels = segmenter.fit(pack_tracks(points, seen)).labels_
+        except ValueError:  # too few tracks are seen together
+            return np.full(len(points), -1)
+        some = points[seen]
+        low = some.min(axis=0)
+        size = np.maximum(some.max(axis=0) - low, 1)
+        static = background_motion(points - low, seen, labels, size)
+        return _with_first(canonical_labels(labels), static)
+
+
+def _with_first(labels, first):
+    """Labels in which a certain one is 0, and the others are after it."""
+    moved = np.where((labels >= 0) & (labels < first), labels + 1, labels)
+    return np.where(labels == first, 0, moved) if first >= 0 else labels
+
+
+def _checked_frame(points, track_ids):
+    """Points (n, 2) and ids (n,) of a frame, if they are such."""
+    points, ids = np.asarray(points), np.asarray(track_ids)
+    if points.size == 0 and ids.size == 0:
+        return np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    if points.dtype.kind not in "fiu":
+        raise TypeError(f"points must be real numbers; got dtype {points.dtype}")
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise ValueError(f"points must have shape (n_seen, 2); got {points.shape}")
+    if ids.dtype.kind not in "iu":
+        raise TypeError(f"track_ids must be whole numbers; got dtype {ids.dtype}")
+    if ids.shape != (len(points),):
+        raise ValueError(
+            f"{len(points)} points need one track id each; got shape {ids.shape}"
+        )
+    if not np.isfinite(points).all():
+        where = np.flatnonzero(~np.isfinite(points).all(axis=1))
+        raise ValueError(
+            "points must be finite: leave out tracks that are not seen; got "
+            f"{points[where[0]]} for track {ids[where[0]]}"
+        )
+    names, counts = np.unique(ids, return_counts=True)
+    if (counts > 1).any():
+        raise ValueError(
+            f"track_ids must each come once per frame; got {names[counts > 1][0]} "
+            f"{counts.max()} times"
+        )
+    return points.astype(np.float64), ids.astype(np.int64)
+
+
+__all__ = ["Event", "OnlineMotionSegmenter"]

@@ -1,0 +1,40 @@
+"""Motions that nobody follows yet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.windows import two_windows
+
+from skmotionseg._core.stream.assignment import measure
+from skmotionseg._core.stream.births import apartness, find_candidate, joint_motion
+
+
+@pytest.fixture(scope="module")
+def windows():
+    return two_windows()
+
+
+def test_tracks_that_nothing_explains_make_a_motion(windows):
+    (first, _), groups = windows
+    static, moving = first.fit(groups)
+    scale = first.camera.noise
+    residuals = measure(first, [static], scale)
+    chosen = np.zeros(len(first.x), dtype=int)
+    now = first.seen[:, -1]
+    rng = np.random.RandomState(0)
+    fit, members = find_candidate(first, residuals, chosen, first.x[:, -1], now, rng)
+    assert fit is not None
+    assert set(members) <= set(groups[1])
+    assert len(members) > 0.8 * now[groups[1]].sum()
+    both = measure(first, [static, moving], scale)
+    assert apartness(first, both, 1, groups[1])[0] > 3
+    assert joint_motion(first, scale, (static, moving), groups)[1] > 3
+
+
+def test_halves_of_a_motion_are_explained_jointly(windows):
+    (first, _), groups = windows
+    halves = groups[0][::2], groups[0][1::2]
+    fits = first.fit(halves)
+    _, apart = joint_motion(first, first.camera.noise, fits, halves)
+    assert apart < 1

@@ -1,0 +1,40 @@
+"""Tracks of the last frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.testing import assert_array_equal
+
+from skmotionseg._core.stream.buffer import TrackBuffer
+
+
+def pushed(buffer, ids):
+    ids = np.array(ids, dtype=int)
+    return buffer.push(np.column_stack([ids, ids]) * 1.0, ids)
+
+
+def test_tracks_are_kept_for_as_long_as_they_are_in_the_window():
+    buffer = TrackBuffer(3)
+    rows, new, _ = pushed(buffer, [7, 2])
+    assert_array_equal(buffer.ids, [2, 7])
+    assert_array_equal(rows, [1, 0])
+    assert_array_equal(new, [0, 1])
+    buffer.labels[:] = [4, 5]
+    for ids in ([7], [7]):
+        _, new, gone = pushed(buffer, ids)
+        assert len(new) == len(gone[0]) == 0
+    assert_array_equal(buffer.seen, [[True, False, False], [True, True, True]])
+    _, _, (ids, labels) = pushed(buffer, [3])
+    assert_array_equal([ids, labels], [[2], [4]])
+    assert_array_equal(buffer.labels, [-1, 5])
+    assert_array_equal(buffer.points[0, -1], [3, 3])
+
+
+def test_tracks_of_a_candidate_show_the_label_of_before():
+    buffer = TrackBuffer(3)
+    pushed(buffer, [0, 1, 2])
+    buffer.follow(np.array([0, 1, -1]))
+    buffer.follow(np.array([0, -5, -5]))
+    assert_array_equal(buffer.shown(), [0, 1, -1])
+    buffer.release(-5)
+    assert_array_equal(buffer.labels, [0, 1, -1])

@@ -1,0 +1,79 @@
+"""Clips of many frames: windows that overlap, and what joins them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.films import film
+from numpy.testing import assert_array_equal
+
+from skmotionseg import MotionSegmenter, pack_tracks
+from skmotionseg._segmenter import long_clips
+from skmotionseg.metrics import misclassification_error
+
+
+@pytest.fixture(scope="module")
+def movie():
+    return film(n_frames=104, n_static=150, n_moving=75, life=40)
+
+
+@pytest.fixture(scope="module")
+def X(movie):
+    kept = movie.seen.sum(axis=1) >= 4
+    return pack_tracks(movie.points[kept], movie.seen[kept]), movie.things[kept]
+
+
+@pytest.fixture(scope="module")
+def fitted(X):
+    return MotionSegmenter(2, n_hypotheses=100, random_state=0).fit(X[0])
+
+
+@pytest.mark.slow
+def test_motions_of_a_long_clip(X, fitted):
+    tracks, things = X
+    assert fitted.n_motions_ == 2
+    assert misclassification_error(things, fitted.labels_) < 0.02
+    assert_array_equal(fitted.windows_[[0, -1]], [[0, 29], [74, 103]])
+    assert_array_equal(fitted.predict(tracks[::3]), fitted.labels_[::3])
+    assert ((fitted.probabilities_ > 0) == (fitted.labels_ >= 0)).all()
+    assert set(fitted.label_reasons_[fitted.labels_ < 0]) <= {"outlier", "too short"}
+    assert not hasattr(fitted, "views_")
+
+
+@pytest.mark.slow
+def test_of_a_long_clip_there_is_no_report(X, fitted):
+    tracks, _ = X
+    with pytest.raises(ValueError, match="no reports of clips of more than 100 frames"):
+        fitted.report(tracks)
+    with pytest.raises(ValueError, match="1 of 10 were not"):
+        fitted.predict(np.concatenate([tracks[:9], tracks[:1] + 1]))
+
+
+@pytest.mark.slow
+def test_windows_that_are_there_are_not_segmented_again(
+    X, fitted, tmp_path, monkeypatch
+):
+    tracks, _ = X
+    segmenter = MotionSegmenter(2, n_hypotheses=100, random_state=0, memory=tmp_path)
+    done, segment = [], MotionSegmenter.fit
+
+    def interrupted(self, X, y=None):
+        if X.shape[1] == tracks.shape[1]:
+            return segment(self, X)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        done.append(1)
+        return segment(self, X)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(MotionSegmenter, "fit", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            segmenter.fit(tracks)
+    assert len(list(tmp_path.rglob("output.pkl"))) == 2
+    assert_array_equal(segmenter.fit(tracks).labels_, fitted.labels_)
+    assert len(list(tmp_path.rglob("output.pkl"))) == len(fitted.windows_)
+
+
+def test_window_without_motions_has_none():
+    labels = long_clips._segment(MotionSegmenter(), np.ones((3, 20)), "")
+    assert_array_equal(labels, [-1, -1, -1])

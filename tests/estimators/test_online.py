@@ -1,0 +1,240 @@
+"""Frame by frame: identities that last, whatever comes."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from helpers.films import enter, film, stop_and_go
+from numpy.testing import assert_array_equal
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+
+from skmotionseg import OnlineMotionSegmenter
+from skmotionseg.metrics import misclassification_error
+
+
+def play(movie, segmenter=None, frames=None, shuffle=None, pieces=()):
+    """Labels of each frame, (n_frames, n_tracks), -2 where unseen; and all events."""
+    segmenter = (
+        OnlineMotionSegmenter(random_state=0) if segmenter is None else segmenter
+    )
+    frames = range(movie.n_frames) if frames is None else frames
+    table, events = np.full((movie.n_frames, len(movie.points)), -2), []
+    for frame in frames:
+        points, ids = movie.frame(frame)
+        if shuffle is not None:
+            order = shuffle.permutation(len(ids))
+            points, ids = points[order], ids[order]
+        if frame in pieces:
+            segmenter = pickle.loads(pickle.dumps(segmenter))
+        table[frame, ids] = segmenter.update(points, ids)
+        events += segmenter.events_
+    return table, events, segmenter
+
+
+def kinds(events):
+    return [event.kind for event in events]
+
+
+@pytest.fixture(scope="module")
+def movie():
+    return film(n_frames=40, n_static=190, n_moving=80, life=22)
+
+
+@pytest.fixture(scope="module")
+def played(movie):
+    return play(movie)
+
+
+def test_identities_last(movie, played):
+    table, events, segmenter = played
+    assert kinds(events) == ["start"]
+    later = table[10:]
+    right = (later == movie.things) | (later == -2)
+    assert right.mean() > 0.99
+    assert segmenter.n_motions_ == 2
+    assert_array_equal(segmenter.motions_, [0, 1])
+    assert segmenter.background_ == 0
+    assert segmenter.n_frames_ == 40
+
+
+def test_newest_frame_is_kept(movie, played):
+    table, _, segmenter = played
+    _, ids = movie.frame(39)
+    assert_array_equal(segmenter.track_ids_, ids)
+    assert_array_equal(segmenter.labels_, table[39, ids])
+
+
+def test_result_has_all_tracks(movie, played):
+    table, _, segmenter = played
+    found = segmenter.result()
+    seen = np.flatnonzero(movie.seen.any(axis=1))
+    assert_array_equal(found.track_ids, seen)
+    assert found.n_motions == 2
+    long = movie.seen[seen].sum(axis=1) >= 5
+    assert misclassification_error(movie.things[seen[long]], found.labels[long]) < 0.03
+    last = np.array([table[table[:, track] > -2, track][-1] for track in seen])
+    started = movie.seen[seen, 10:].any(axis=1)
+    assert_array_equal(found.labels[started], last[started])
+
+
+@pytest.mark.parametrize("pieces", [range(40), (3, 9, 10, 27)])
+def test_pickled_pieces_give_the_same_labels(movie, played, pieces):
+    table, events, segmenter = play(movie, pieces=pieces)
+    assert_array_equal(table, played[0])
+    assert events == played[1]
+    scale = [each._stream.scale for each in (segmenter, played[2])]
+    assert scale[0] == scale[1]
+
+
+def test_order_of_tracks_does_not_matter(movie, played):
+    table, _, _ = play(movie, shuffle=np.random.default_rng(0))
+    assert_array_equal(table, played[0])
+
+
+def test_what_enters_gets_a_new_number_within_a_second():
+    movie = film(n_frames=46, path=enter)
+    table, events, _ = play(movie)
+    thing = movie.things == 1
+    shown = table[45, thing & movie.seen[:, 45]]
+    assert (shown == 1).mean() > 0.9
+    assert [e.kind for e in events] == ["start", "new"]
+    entered = np.flatnonzero(movie.seen[thing].sum(axis=0) >= 6)[0]
+    assert events[1].frame <= entered + 25
+    assert (table[10:, ~thing] <= 0).all()
+
+
+def test_what_stops_keeps_its_number():
+    movie = film(n_frames=70, path=stop_and_go)
+    table, events, _ = play(movie)
+    assert kinds(events) == ["start"]
+    thing = movie.things == 1
+    for frame in (15, 30, 45, 69):
+        shown = table[frame, thing & movie.seen[:, frame]]
+        assert (shown == 1).mean() > 0.9, frame
+
+
+def test_no_more_numbers_than_motions():
+    movie = film(n_frames=40, path=enter)
+    table, events, _ = play(movie, OnlineMotionSegmenter(1, random_state=0))
+    assert kinds(events) == ["start"]
+    assert table.max() == 0
+
+
+def test_track_that_comes_back_is_the_same():
+    movie = film(n_frames=40)
+    _, seen, things = movie
+    seen = seen.copy()
+    seen[things == 1, 16:30] = False  # longer than what is in view is remembered
+    table, events, _ = play(movie._replace(seen=seen))
+    before, back = seen[:, 11:16].any(axis=1), seen[:, 33:].all(axis=1)
+    back &= before & (things == 1)
+    assert back.sum() >= 3
+    assert (table[33:, back] == 1).mean() > 0.9
+    assert "hidden" in kinds(events)
+
+
+def test_without_history_only_what_is_in_view_is_known(movie):
+    segmenter = OnlineMotionSegmenter(keep_history=False, random_state=0)
+    _, _, segmenter = play(movie, segmenter)
+    lately = np.flatnonzero(movie.seen[:, -12:].any(axis=1))
+    assert_array_equal(segmenter.result().track_ids, lately)
+
+
+def test_empty_frames_are_survived(movie, played):
+    _, seen, things = movie
+    seen = seen.copy()
+    seen[:, [4, 20, 21]] = False
+    table, events, _ = play(movie._replace(seen=seen))
+    assert kinds(events) == ["empty", "start", "empty", "empty"]
+    assert "no track is seen" in str(events[0])
+    assert ((table[22:] == things) | (table[22:] == -2)).mean() > 0.97
+
+
+def test_frame_out_of_nowhere_is_survived(movie):
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    play(movie, segmenter, range(20))
+    stray, ids = np.random.default_rng(1).uniform(0, 400, (50, 2)), np.arange(50) + 9000
+    labels = segmenter.update(stray, ids)
+    assert (labels == -1).all()
+    assert kinds(segmenter.events_) == ["break"]
+    table, events, _ = play(movie, segmenter, range(20, 40))
+    assert kinds(events) == ["resumed"]
+    assert ((table == movie.things) | (table == -2)).mean() > 0.97
+
+
+def test_after_a_cut_numbers_are_new_but_that_of_the_scene(movie):
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    play(movie, segmenter, range(20))
+    other = film(n_frames=20, seed=5)
+    labels, events = [], []
+    for frame in range(20):
+        points, ids = other.frame(frame)
+        labels.append(segmenter.update(points, ids + 1000))
+        events += segmenter.events_
+    assert kinds(events) == ["break", "cut", "start"]
+    assert set(labels[-1]) == {0, 2}
+    _, ids = other.frame(19)
+    assert_array_equal(labels[-1] > 0, other.things[ids] == 1)
+
+
+BAD = {
+    "one needs shape": (ValueError, "must have shape", [1.0, 2.0], [0]),
+    "too few ids": (ValueError, "need one track id each", [[1.0, 2.0]] * 2, [0]),
+    "too many ids": (ValueError, "need one track id each", [[1.0, 2.0]], [0, 1]),
+    "id twice": (ValueError, "each come once", [[1.0, 2.0]] * 3, [4, 7, 7]),
+    "infinite": (ValueError, "must be finite", [[1.0, np.inf]], [0]),
+    "unseen": (ValueError, "leave out tracks", [[np.nan, 1.0]], [0]),
+    "words": (TypeError, "real numbers", [["a", "b"]], [0]),
+    "ids that are no whole numbers": (TypeError, "whole", [[1.0, 2.0]], [0.5]),
+    "complex": (TypeError, "real numbers", [[1j, 2.0]], [0]),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input_changes_nothing(movie, case):
+    error, words, points, ids = BAD[case]
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    play(movie, segmenter, range(3))
+    before = pickle.dumps(segmenter)
+    with pytest.raises(error, match=words):
+        segmenter.update(points, ids)
+    assert pickle.dumps(segmenter) == before
+
+
+def test_parameters_are_checked_before_the_first_frame():
+    with pytest.raises(ValueError, match="n_motions"):
+        OnlineMotionSegmenter(0).update([[1.0, 2.0]], [0])
+    segmenter = OnlineMotionSegmenter(3, random_state=1)
+    assert clone(segmenter).get_params() == segmenter.get_params()
+    with pytest.raises(NotFittedError, match="no frame"):
+        segmenter.result()
+
+
+def test_stream_of_nothing():
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    for _ in range(15):
+        labels = segmenter.update([], [])
+    assert labels.shape == (0,)
+    assert (segmenter.n_motions_, segmenter.background_) == (0, -1)
+    assert len(segmenter.result().labels) == 0
+
+
+def test_too_few_tracks_to_begin_with_are_of_no_motion():
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    for frame in range(25):
+        labels = segmenter.update([[10.0 + frame, 20.0], [30.0, 40.0 + frame]], [1, 2])
+    assert_array_equal(labels, [-1, -1])
+
+
+@pytest.mark.slow
+def test_memory_does_not_depend_on_the_number_of_frames():
+    movie = film(n_frames=160, n_static=500, n_moving=160, life=22)
+    segmenter, sizes = OnlineMotionSegmenter(random_state=0), []
+    for frame in range(160):
+        segmenter.update(*movie.frame(frame))
+        in_view = len(segmenter._stream.buffer.ids)
+        sizes.append(len(pickle.dumps(segmenter)) / in_view)
+    assert np.mean(sizes[140:]) < 1.1 * np.mean(sizes[30:50])
