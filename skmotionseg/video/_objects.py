@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core.geometry.tracks import unpack_tracks
+from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects
 from .._utils.validation import check_label_each
 
@@ -57,5 +58,9 @@ def find_objects(
     """
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
-    background = background_motion(points, visibility, labels, (width, height))
+    size = width, height
+    background = background_motion(points, visibility, labels, size)
+    parts = moving_parts(points, visibility, labels, background, size)
+    if parts is not None:
+        labels, background = parts + 1, 0
     return moving_objects(points, visibility, labels, background)

@@ -46,11 +46,14 @@ OWN_RATIO, MOST_OWN, LEAST_SCENE = 3.0, 5.0, 2.0
 LARGE_STEP = 3.0
 # Share of the tracks that is enough for a part to be whole.
 WHOLE = 0.8
+# Share of the tracks that is most of them: of a rigid motion's that move, if it does,
+# and of a part's that go together.
+MOST = 0.5
 # Regions are taken apart so many times at most.
 MOST_DEPTH = 6
 # Tracks around one that tell its movement, by residuals so many times smaller: those of
 # independent noise are larger.
-N_AROUND, AROUND_RATIO, AROUND_SHARE = 8, 1.25, 0.5
+N_AROUND, AROUND_RATIO = 8, 1.25
 
 
 def moving_parts(points, visibility, labels, background, size):
@@ -86,7 +89,8 @@ def moving_parts(points, visibility, labels, background, size):
     odds += ODDS_OF_LABEL * ((labels >= 0) & (labels != background))
     links = LINK * np.maximum(np.exp(-graph.apart / LINK_SCALE), LEAST_LINK)
     moving = least_cut(odds, graph.pairs, links)
-    return _Parts(windows, scene, graph.pairs).of(moving)
+    motions = np.where(labels == background, -1, labels)
+    return _Parts(windows, scene, graph.pairs).of(moving, motions)
 
 
 def moving_odds(scene):
@@ -146,7 +150,8 @@ def track_graph(points, visibility, unit):
     for start in range(0, len(pairs), step):
         some = slice(start, start + step)
         apart[some], distance[some] = _relative(points, visibility, pairs[some])
-    near = distance <= REACH * np.median(distance) if len(pairs) else []
+    usual = np.median(distance) if len(pairs) else 0.0
+    near = distance <= REACH * usual
     return TrackGraph(pairs[near], unit * apart[near])
 
 
@@ -219,14 +224,23 @@ class _Parts:
             for squares in (scene.deviations**2 + over**2, scene.noise**2)
         )
 
-    def of(self, moving):
-        """Parts (n,) of moving tracks: 0, 1, ...; -1 for none."""
-        parts, rest = self._rigid_parts(moving)
+    def of(self, moving, motions):
+        """Parts (n,) of moving tracks: 0, 1, ...; -1 for none.
+
+        Rigid motions whose tracks move, as most do, are looked at first.
+        """
+        known: list[np.ndarray] = []
+        for motion in np.unique(motions[motions >= 0]):
+            own = motions == motion
+            if moving[own].mean() > MOST:
+                known += map(self._core_of, self._regions(moving & own))
+        left = moving.copy()
+        for part in known:
+            left[part] = False
+        parts, rest = self._rigid_parts(left)
+        parts += [part for part in known if len(part)]
         for region in self._regions(rest):
-            around = self._from_around(region)
-            good = self._scene[region] > AROUND_RATIO * around
-            good &= self._scene[region] > LEAST_SCENE * self._noise[region]
-            if good.mean() >= AROUND_SHARE:
+            if self._goes_together(region).mean() >= MOST:
                 parts.append(region)
         labels = np.full(len(moving), -1)
         for number, part in enumerate(sorted(parts, key=len, reverse=True)):
@@ -253,6 +267,20 @@ class _Parts:
             else:
                 rest |= left
         return parts, rest
+
+    def _core_of(self, region):
+        """What of a region is explained; none if that is not nearly all."""
+        own = self._explained(region)
+        if (own | self._goes_together(region)).mean() < WHOLE:
+            return region[:0]
+        return region[own] if MOST < own.mean() < WHOLE else region
+
+    def _goes_together(self, region):
+        """Which tracks move as those around them do, and not as the scene does."""
+        around, scene = self._from_around(region), self._scene[region]
+        return (scene > AROUND_RATIO * around) & (
+            scene > LEAST_SCENE * self._noise[region]
+        )
 
     def _mask(self, tracks):
         mask = np.zeros(len(self._scene), dtype=bool)
@@ -313,7 +341,7 @@ class _Parts:
         """Root mean square difference of each track's movement from those around it."""
         windows = self._windows
         squares, freedom = np.zeros((2, len(region), len(windows.frames)))
-        for number, frames in enumerate(windows.frames):
+        for number in range(len(windows.frames)):
             there = np.flatnonzero(windows.freedom[region, number])
             if len(there) <= N_AROUND:
                 continue

@@ -24,6 +24,8 @@ from ..geometry.windows import LEAST_NOISE, REFERENCE_WIDTH, Windows
 # Cells per side of the picture, over which tracks are spread to be fitted, and in which
 # what a motion explains is counted; and tracks that are fitted.
 N_CELLS, MOST_FITTED = 12, 120
+# Tracks by which a motion is judged while it is still being found, twice.
+MOST_SEEN = 500
 # Tracks around one whose depths are compared with its own, and how many of them must be
 # of the scene already to tell.
 N_AROUND, FEWEST_AROUND = 16, 4
@@ -135,7 +137,7 @@ def view_of(windows, number, rows, poses):
     rays = x[..., None] * M[:, None, 2] - M[:, :2]  # (n, L, 2, 3)
     left = r[:, :2] - x * r[:, 2:]
     weights = seen.astype(float)
-    for _ in range(3):
+    for _ in range(2):
         weighted = rays * weights[..., None, None]
         A = weighted.reshape(len(rows), -1, 3)
         normal = A.swapaxes(1, 2) @ A
@@ -233,12 +235,14 @@ class _Window:
 
     def _scene_from(self, start):
         poses = self._fit(start)
+        some = self._some_of(start)
         for _ in range(3):
-            view = self._view(poses)
-            own = np.sort(view.deviations[start])
+            deviations = self._view(poses, some).deviations
+            own = np.sort(deviations[start[some]])
             usual = np.median(own[: int(0.7 * len(own)) + 1])
-            limit = max(NEVER_LARGE, LARGE * usual)
-            poses = self._refit(view.deviations < limit, poses)
+            well = np.zeros(len(self.rows), dtype=bool)
+            well[some] = deviations < max(NEVER_LARGE, LARGE * usual)
+            poses = self._refit(well, poses)
         for _ in range(2):
             view = self._view(poses)
             poses = self._refit(self._members(view)[0], poses)
@@ -248,7 +252,8 @@ class _Window:
 
     def _fit(self, some):
         """Poses of some tracks, from several starts."""
-        fitted = fit_rigid_motions(*self._problem(some), self._reference)
+        x, seen, weights, floor = self._problem(some)
+        fitted = fit_rigid_motions(x, seen, weights, floor, self._reference)
         return Poses(*(each[0] for each in fitted))
 
     def _refit(self, some, poses):
@@ -256,8 +261,10 @@ class _Window:
         if some.sum() < FEWEST_TO_START:
             return poses
         stacked = Poses(*(each[None] for each in poses))
-        problem = self._problem(some)
-        fitted, _ = refine_rigid_motions(*problem, self._reference, stacked)
+        x, seen, weights, floor = self._problem(some)
+        fitted, _ = refine_rigid_motions(
+            x, seen, weights, floor, self._reference, stacked
+        )
         return Poses(*(each[0] for each in fitted))
 
     def _problem(self, some):
@@ -281,8 +288,18 @@ class _Window:
         rank = places - np.maximum.accumulate(np.where(new, places, 0))
         return np.sort(tracks[order[np.argsort(rank, kind="stable")[:MOST_FITTED]]])
 
-    def _view(self, poses):
-        return view_of(self._windows, self._number, self.rows, poses)
+    def _view(self, poses, some=slice(None)):
+        return view_of(self._windows, self._number, self.rows[some], poses)
+
+    def _some_of(self, start):
+        """Some tracks, half of them of those that a motion starts from."""
+        both = [
+            tracks[
+                np.linspace(0, len(tracks) - 1, min(len(tracks), MOST_SEEN)).astype(int)
+            ]
+            for tracks in (np.flatnonzero(start), np.arange(len(start)))
+        ]
+        return np.union1d(*both)
 
     # ------------------------------------------------------------------------ members
 
@@ -324,11 +341,13 @@ class _Window:
 
     def _extent(self, members):
         """Share of the picture and of its margin that members are, cell by cell."""
-        total = np.bincount(self._cells, minlength=N_CELLS**2)
-        share = np.bincount(self._cells, members, N_CELLS**2) / np.maximum(total, 1)
-        share, known = (a.reshape(N_CELLS, N_CELLS) for a in (share, total > 0))
-        margin = np.ones_like(known)
-        margin[1:-1, 1:-1] = False
+        n_cells = N_CELLS**2
+        total = np.bincount(self._cells, minlength=n_cells)
+        share = np.bincount(self._cells, members, n_cells) / np.maximum(total, 1)
+        known = total > 0
+        row, column = np.divmod(np.arange(n_cells), N_CELLS)
+        ends = (0, N_CELLS - 1)
+        margin = np.isin(row, ends) | np.isin(column, ends)
         at_margin = share[margin & known]
         return share[known].mean() + (at_margin.mean() if len(at_margin) else 0)
 
