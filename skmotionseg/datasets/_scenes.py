@@ -73,6 +73,7 @@ class _Family(NamedTuple):
     seen: tuple | None = None  # share of the frames a point is found in, unordered
     gaps: tuple = (0.0, 0.0)  # share of the tracks
     focal: tuple = (0.7, 1.4)  # image widths
+    distortion: tuple = (-0.05, 0.01)  # by which the lens moves the image's corners
     sizes: tuple = ((640, 480), (720, 576), (854, 480), (1280, 720))
 
 
@@ -617,6 +618,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
     *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
+    "distortion",
 )
 _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "n_tracks": (1, np.inf),
@@ -627,6 +629,7 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "spread": (0, np.inf),
     "life": (1, np.inf),
     "focal": (0.1, np.inf),
+    "distortion": (-0.3, 0.3),
 }
 _NOISES = ("noise", "drift", "inertia", "spread", "shared")
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
@@ -687,8 +690,10 @@ def make_scene(
         ``shared`` (share of the noise that neighbours have in common), ``late`` (share
         of the tracks that begin after the first frame), ``life`` (mean number of
         frames after which a track is lost), ``seen`` (share of the frames a point is
-        found in, unordered photographs only), ``gaps`` (share of tracks with a gap)
-        and ``focal`` (image widths); ``image_size`` is (width, height) in pixels.
+        found in, unordered photographs only), ``gaps`` (share of tracks with a gap),
+        ``focal`` (image widths) and ``distortion`` (by which the lens moves the
+        corners of the image, as a share of their distance from its middle; negative
+        for barrels); ``image_size`` is (width, height) in pixels.
 
     Returns
     -------
@@ -1003,6 +1008,7 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     separations, separation = _separation(
         points + errors, seen, target, motions, camera, rng
     )
+    points = _distorted(points, settings.distortion, camera.size)
     scene = Bunch(
         data=_packed(points + errors, seen),
         target=target,
@@ -1020,6 +1026,14 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     )
     scene.DESCR = _describe(scene)
     return scene
+
+
+def _distorted(points, share, size):
+    """Points as a lens shows them that moves the corners of the image by a share."""
+    middle = np.asarray(size) / 2
+    from_middle = points - middle
+    squares = (from_middle**2).sum(axis=-1, keepdims=True) / (middle**2).sum()
+    return points + share * squares * from_middle
 
 
 def _spoil(points, seen, target, motion_of, camera, chosen, rng):

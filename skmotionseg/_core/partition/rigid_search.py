@@ -25,9 +25,14 @@ MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
 NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions: the log of how much worse one motion
-# is than two, per track of the smaller group, and the share of its links that go to
-# the other. A logistic regression on 2,796 pairs of groups in simulated scenes.
-GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.05, 39.0, -0.2
+# is than two, per track of the smaller group, and the log of the links between them
+# over those that chance would give. A logistic regression on pairs of groups in
+# simulated scenes (``python -m benchmarks.apartness``).
+GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.41, 3.17, -7.66
+# Links over chance below which fewer say no more.
+FEWEST_LINKS = 0.01
+# Gains above this, in nats per track, say no more.
+MOST_GAIN = 5.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
 # Log odds by which a number of motions must be surer than the one it replaces.
@@ -52,14 +57,14 @@ class Apartness(NamedTuple):
         The motion that explains both best.
     gain : float
         By how much worse it does than their own two (see ``_gain``).
-    cut : float
-        The share of the smaller group's links that go to the other.
+    links : float
+        The links between them over those that chance would give.
     """
 
     log_odds: float
     joint: RigidMotion
     gain: float
-    cut: float
+    links: float
 
 
 def _log_odds(apartness):
@@ -300,12 +305,21 @@ class RigidSearch:
 
     def _apartness_by(self, pair, joints):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
-        small, large = sorted(pair.groups, key=len)
-        links = self.affinity[np.ix_(small, large)].sum()
-        cut = links / max(self.affinity[small].sum(), np.finfo(float).tiny)
         gain, joint = self._gain(pair.groups, pair.motions, joints)
-        log_odds = GAIN_WEIGHT * gain - LINK_WEIGHT * cut + PRIOR
-        return Apartness(float(log_odds), joint, float(gain), float(cut))
+        links = self._links(*pair.groups)
+        log_odds = (
+            GAIN_WEIGHT * min(gain, MOST_GAIN)
+            - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
+            + PRIOR
+        )
+        return Apartness(float(log_odds), joint, float(gain), links)
+
+    def _links(self, first, second):
+        """The links between two groups over those that chance would give."""
+        found = self.affinity[np.ix_(first, second)].sum()
+        chance = self.degrees[first].sum() * self.degrees[second].sum()
+        total = self.degrees.sum()
+        return float(found * total / chance) if chance > 0 else 0.0
 
     def _gain(self, groups, own, joints):
         """How much worse the best of some motions is for two groups than their own.
