@@ -3,8 +3,8 @@
 Over-segmentations of scenes are merged down to one group, and each two groups that are
 met on the way are a sample: apart if they are (mostly) of different motions; one if
 they are of the same motion, or one of them is of outliers. A logistic regression on how
-much worse one rigid motion explains both than two do, and on the share of the smaller
-group's links that go to the other, gives the constants of
+much worse one rigid motion explains both than two do, and on the log of the links
+between them over those that chance would give, gives the constants of
 ``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression on
 pairs of real sequences, for comparison::
 
@@ -25,8 +25,6 @@ from skmotionseg._core.partition import rigid_search, search
 
 # Pairs of images and photographs have too few frames in common.
 WITHOUT_WINDOWS = ("two_images", "photographs")
-# Gains above this say no more.
-MOST_GAIN = 5.0
 # A group is of the motion that most of its tracks have, if so many do.
 PURE = 0.8
 
@@ -36,8 +34,8 @@ class _Recorded(rigid_search.RigidSearch):
 
     kept: list[_Recorded] = []
 
-    def __init__(self, windows, affinity):
-        super().__init__(windows, affinity)
+    def __init__(self, windows, affinity, simplest):
+        super().__init__(windows, affinity, simplest)
         self.kept.append(self)
 
 
@@ -52,14 +50,13 @@ def pairs_of(X, target):
     Returns
     -------
     list of (float, float, int)
-        Gain, share of the smaller group's links, and 1 if the two are apart.
+        Gain, log of links over chance, and 1 if the two are apart.
     """
-    sure, rigid_search.SURE = rigid_search.SURE, np.inf  # nothing is: all are merged
     search.RigidSearch, _Recorded.kept = _Recorded, []
     try:
         MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
     finally:
-        rigid_search.SURE, search.RigidSearch = sure, rigid_search.RigidSearch
+        search.RigidSearch = rigid_search.RigidSearch
     labels = {
         row[np.isfinite(row)].tobytes(): y for row, y in zip(X, target, strict=True)
     }
@@ -70,7 +67,9 @@ def pairs_of(X, target):
         for key, found in kept.apart.items():
             truth = _truth(*(mine[np.frombuffer(each, dtype=int)] for each in key))
             if truth is not None:
-                rows.append((min(found.gain, MOST_GAIN), found.cut, truth))
+                gain = min(found.gain, rigid_search.MOST_GAIN)
+                links = np.log(found.links + rigid_search.FEWEST_LINKS)
+                rows.append((gain, links, truth))
     return rows
 
 

@@ -102,26 +102,28 @@ class Windows:
             ]
         )  # (W, n, L, 2)
 
-    def fit(self, groups):
+    def fit(self, groups, most_tracks=MOST_FITTED):
         """Motions of groups of tracks, from several starts each.
 
         Parameters
         ----------
         groups : list of ndarray of int
+        most_tracks : int
+            Tracks of a group that its motion is fitted to.
 
         Returns
         -------
         list of RigidMotion
         """
         poses = [[None] * len(self.frames) for _ in groups]
-        for jobs in _batches(self._jobs(groups)):
+        for jobs in _batches(self._jobs(groups, most_tracks)):
             x, seen, weights, floor = self._stacked(jobs)
             fitted = fit_rigid_motions(x, seen, weights, floor, jobs[0].reference)
             for job, *pose in zip(jobs, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
         return self.motions(poses)
 
-    def refine(self, groups, starts):
+    def refine(self, groups, starts, most_tracks=MOST_FITTED):
         """Motions of groups, from the motions of others.
 
         Parameters
@@ -129,6 +131,8 @@ class Windows:
         groups : list of ndarray of int
         starts : list of list of RigidMotion
             For each group.
+        most_tracks : int
+            As for :meth:`fit`.
 
         Returns
         -------
@@ -137,7 +141,7 @@ class Windows:
         """
         jobs = [
             job._replace(start=start.poses[job.window])
-            for job in self._jobs(groups)
+            for job in self._jobs(groups, most_tracks)
             for start in starts[job.group]
             if start.poses[job.window] is not None
         ]
@@ -204,17 +208,17 @@ class Windows:
         n_residuals = np.where(counted, self.freedom[tracks], 0).sum()
         return np.sqrt(1 / max(1 - n_parameters / max(n_residuals, 1), 0.1))
 
-    def _jobs(self, groups):
+    def _jobs(self, groups, most_tracks):
         """What there is to fit: tracks of a group in a window."""
         jobs = []
         for group, members in enumerate(groups):
             for window in range(len(self.frames)):
-                reference, tracks = self._some(members, window)
+                reference, tracks = self._some(members, window, most_tracks)
                 if len(tracks) >= FEWEST_TRACKS:
                     jobs.append(_Job(group, window, reference, tracks))
         return jobs
 
-    def _some(self, members, window):
+    def _some(self, members, window, most_tracks):
         """A reference frame, and tracks seen in it that a motion is fitted to.
 
         Of the frames that see most of a group the one nearest to the window's middle;
@@ -227,12 +231,12 @@ class Windows:
         frames = np.flatnonzero(often)
         reference = int(frames[np.abs(frames - middle).argmin()])
         members = members[seen[:, reference]]
-        if len(members) <= MOST_FITTED:
+        if len(members) <= most_tracks:
             return reference, members
         x, y = self.x[window, members, reference].T
         spread = members[np.lexsort((y, x))]
         return reference, spread[
-            np.linspace(0, len(spread) - 1, MOST_FITTED).astype(int)
+            np.linspace(0, len(spread) - 1, most_tracks).astype(int)
         ]
 
     def _stacked(self, jobs):

@@ -9,9 +9,11 @@ and the graph has few links between them.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 
 from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, RigidMotion
@@ -28,21 +30,28 @@ NATS_OF_LINKS = 4.0
 # is than two, per track of the smaller group, and the log of the links between them
 # over those that chance would give. A logistic regression on pairs of groups in
 # simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.41, 3.17, -7.66
+GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.65, 1.85, -7.2
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
+# Log odds by one of two motions below which no joint motion is fitted.
+SURELY_ONE = -4.0
 # Gains above this, in nats per track, say no more.
 MOST_GAIN = 5.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
-# Log odds by which a number of motions must be surer than the one it replaces.
-SURE = 2.0
-# Nats per track that another partition into as many motions must save.
-LEAST_SAVED = 0.3
-# Pairs of groups that a joint motion is fitted to before the others.
+# Pairs of groups that a joint motion is fitted to before the others, and the tracks of
+# a group that motions are fitted to where two are compared with one.
 JOINTLY_FITTED = 3
+MOST_COMPARED = 160
 # Changes of a partition that are made at most; one or two are usual.
 MOST_CHANGES = 5
+# Rounds of assigning and fitting that a partition is settled in, at most.
+ROUNDS = 6
+# Nats per track that a partition must save for each by which two of its motions are
+# likelier one.
+NATS_OF_ODDS = 0.2
+# Groups of linked tracks that no motion explains, of which new motions are tried.
+MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
 INLIER_SCALES = 2.5
 
@@ -71,6 +80,31 @@ def _log_odds(apartness):
     return apartness.log_odds
 
 
+class Step(NamedTuple):
+    """A partition, and what would be merged next.
+
+    Attributes
+    ----------
+    energy : float
+    labels : ndarray of int, shape (n,)
+    motions : list of RigidMotion
+    pair : (int, int) or None
+        The two groups that are least apart, the smaller label first.
+    log_odds : float
+        Of their being different motions; infinite where there is no pair.
+    """
+
+    energy: float
+    labels: np.ndarray
+    motions: list
+    pair: tuple[int, int] | None = None
+    log_odds: float = np.inf
+
+    @property
+    def n_motions(self):
+        return int(self.labels.max()) + 1
+
+
 class _Pair(NamedTuple):
     """Two groups of a partition, and their motions."""
 
@@ -92,6 +126,10 @@ class RigidSearch:
     windows : Windows
     affinity : ndarray of shape (n, n)
         Sparse; its diagonal does not count.
+    simplest : ndarray of shape (n, n), optional
+        The part of it that is by the simplest motion model, by which the links between
+        two groups are compared with chance: they say the same of all videos, while the
+        parts of other models depend on how much depth there is. Default: all of it.
 
     Attributes
     ----------
@@ -99,10 +137,12 @@ class RigidSearch:
         Of all pairs of groups, by their positions, to which a joint motion was fitted.
     """
 
-    def __init__(self, windows, affinity):
+    def __init__(self, windows, affinity, simplest=None):
         self.windows = windows
         self.affinity = affinity - np.diag(np.diagonal(affinity))
         self.degrees = self.affinity.sum(axis=1)
+        simplest = affinity if simplest is None else simplest
+        self.simplest = simplest - np.diag(np.diagonal(simplest))
         self.scale = windows.least_noise
         self._motions, self.apart, self._apart_by_own = {}, {}, {}
 
@@ -147,16 +187,15 @@ class RigidSearch:
         return [self._motions[group.tobytes()] for group in groups]
 
     def energy(self, labels, motions):
-        """Nats of a partition: of its tracks, and of links that it cuts."""
-        tracks = np.arange(len(labels))
-        own = self.costs(motions)[tracks, labels].sum()
-        return float(own - NATS_OF_LINKS * self._linked(labels)[tracks, labels].sum())
+        """Nats of a partition: of its tracks, and of links to other motions."""
+        cut, nats = self.terms(labels, motions)
+        return len(labels) * (nats + NATS_OF_LINKS * cut)
 
-    def fitted_energy(self, labels):
-        """The energy of a partition as it is, its motions fitted to their inliers."""
-        motions = self.motions(labels)
-        refitted = self._refitted(labels, motions)
-        return min(self.energy(labels, each) for each in (motions, refitted))
+    def terms(self, labels, motions):
+        """Share of the links that a partition cuts, and nats, both per track."""
+        tracks = np.arange(len(labels))
+        own = self.costs(motions)[tracks, labels].mean()
+        return 1 - float(self._linked(labels)[tracks, labels].mean()), float(own)
 
     def settled(self, labels, motions=None, rounds=2):
         """Assign tracks and fit motions in turn, for as long as that saves nats.
@@ -190,12 +229,12 @@ class RigidSearch:
             labels = new
         return best
 
-    def least_apart(self, labels, motions, enough):
+    def least_apart(self, labels, motions):
         """The two groups that are least apart, and their :class:`Apartness`.
 
         A joint motion is fitted to two groups only where neither's own motion shows
         that they are one: at first to the few that are least apart by these, and to all
-        where none of those is one within ``enough``.
+        where none of those is one.
 
         Returns
         -------
@@ -213,38 +252,63 @@ class RigidSearch:
         if self._by_own_motions(pairs[0]).log_odds < 0:
             some = pairs[:1]
         least = min(some, key=lambda pair: self._apartness(pair).log_odds)
-        if self._apartness(least).log_odds > enough:
+        if self._apartness(least).log_odds > 0:
             least = min(pairs, key=lambda pair: self._apartness(pair).log_odds)
         return (least.i, least.j), self._apartness(least)
 
-    def descent(self, labels, fewest, enough):
-        """Merge the two groups that are least apart until all are apart enough.
+    def descent(self, labels, fewest):
+        """Merge the two groups that are least apart, again and again.
 
         Parameters
         ----------
         labels : ndarray of int, shape (n,)
         fewest : int
-            Groups that are left in any case.
-        enough : float
-            Log odds of being apart.
+            Groups that are left in the end.
 
         Returns
         -------
-        energy, labels, motions
-            As of :meth:`settled`.
+        list of Step
+            One per number of groups, the most first.
         """
-        _, labels, motions = self.settled(labels, rounds=1)
+        energy, labels, motions = self.settled(labels, rounds=1)
+        steps = []
         while labels.max() + 1 > fewest:
-            (i, j), least = self.least_apart(labels, motions, enough)
-            if least.log_odds > enough:
-                break
+            (i, j), least = self.least_apart(labels, motions)
+            steps.append(Step(energy, labels, motions, (j, i), least.log_odds))
             motions = [*motions]
             motions[j] = least.joint
             del motions[i]
             labels = np.where(labels == i, j, labels)
             labels = labels - (labels > i)
-            _, labels, motions = self.settled(labels, motions, rounds=1)
-        return self.settled(labels, motions)
+            energy, labels, motions = self.settled(labels, motions, rounds=1)
+        return [*steps, Step(energy, labels, motions)]
+
+    def unexplained(self, labels, motions):
+        """Yield partitions with a group of linked tracks that no motion explains.
+
+        Parameters
+        ----------
+        labels : ndarray of int, shape (n,)
+        motions : list of RigidMotion
+
+        Yields
+        ------
+        ndarray of int, shape (n,)
+        """
+        lost = np.zeros(len(labels), dtype=bool)
+        for group, motion in zip(groups_of(labels), motions, strict=True):
+            deviations, freedom = self.windows.deviations(motion, group)
+            lost[group] = (freedom > 0) & (deviations > INLIER_SCALES * self.scale)
+        lost = np.flatnonzero(lost)
+        links = self.simplest[np.ix_(lost, lost)] > 0
+        _, components = connected_components(links, directed=False)
+        sizes = np.bincount(components, minlength=1)
+        for component in np.argsort(-sizes, kind="stable")[:MOST_UNEXPLAINED]:
+            if sizes[component] >= FEWEST_TRACKS:
+                new = labels.copy()
+                new[lost[components == component]] = labels.max() + 1
+                if np.bincount(new).min() >= FEWEST_TRACKS:
+                    yield new
 
     def _assigned(self, costs, labels, sweeps=6):
         """Labels of least cost, links to others of the label being worth something."""
@@ -293,15 +357,23 @@ class RigidSearch:
         """The :class:`Apartness` of two groups, computed once."""
         if pair.key not in self.apart:
             best = self._by_own_motions(pair)
-            both = [np.union1d(*pair.groups)]
-            if best.log_odds > 0:
-                joint = self.windows.refine(both, [pair.motions])
-                best = min(best, self._apartness_by(pair, joint), key=_log_odds)
-            if best.log_odds > 0:
-                joint = self.windows.fit(both)
-                best = min(best, self._apartness_by(pair, joint), key=_log_odds)
+            if best.log_odds > SURELY_ONE:
+                best = self._compared(pair)
             self.apart[pair.key] = best
         return self.apart[pair.key]
+
+    def _compared(self, pair):
+        """The :class:`Apartness` of two groups, all motions fitted to more tracks."""
+        both = [np.union1d(*pair.groups)]
+        fit = partial(self.windows.refine, most_tracks=MOST_COMPARED)
+        own = fit(list(pair.groups), [[motion] for motion in pair.motions])
+        pair = pair._replace(motions=tuple(own))
+        joints = [*own, *fit(both, [own])]
+        best = self._apartness_by(pair, joints)
+        if best.log_odds > 0:
+            joints += self.windows.fit(both, most_tracks=MOST_COMPARED)
+            best = self._apartness_by(pair, joints)
+        return best
 
     def _apartness_by(self, pair, joints):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
@@ -316,9 +388,9 @@ class RigidSearch:
 
     def _links(self, first, second):
         """The links between two groups over those that chance would give."""
-        found = self.affinity[np.ix_(first, second)].sum()
-        chance = self.degrees[first].sum() * self.degrees[second].sum()
-        total = self.degrees.sum()
+        found = self.simplest[np.ix_(first, second)].sum()
+        chance = self.simplest[first].sum() * self.simplest[second].sum()
+        total = self.simplest.sum()
         return float(found * total / chance) if chance > 0 else 0.0
 
     def _gain(self, groups, own, joints):
@@ -340,15 +412,29 @@ class RigidSearch:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
-def rigid_partition(search, labels, over_segments, counts, candidates, bisect):
-    """The partition that rigid motion prefers to a given one.
+class RigidPartitions(NamedTuple):
+    """Partitions by rigid motion, and the number of motions.
+
+    Attributes
+    ----------
+    steps : dict of int to Step
+        The best partition for each number of motions that was met.
+    chosen : int
+        The number of motions.
+    """
+
+    steps: dict[int, Step]
+    chosen: int
+
+
+def rigid_partitions(search, over_segments, counts, candidates, bisect):
+    """Partitions of least energy, and how many motions are surely apart.
 
     Parameters
     ----------
     search : RigidSearch
-    labels : ndarray of int, shape (n,)
-        The partition to improve on: ``0..M - 1``, none empty.
     over_segments : list of ndarray of int, shape (n,)
+        Partitions to merge.
     counts : ndarray of int, shape (n_counts,)
         Numbers of motions that may be.
     candidates : callable
@@ -358,49 +444,112 @@ def rigid_partition(search, labels, over_segments, counts, candidates, bisect):
 
     Returns
     -------
-    ndarray of int, shape (n,)
-        There are more motions than in ``labels`` where the groups that are left of an
-        over-segmentation are surely apart. Of the partitions of that number the one of
-        the lowest energy, after local search; ``labels`` if that saves too little to be
-        sure, as where depth could be motion.
+    RigidPartitions or None
+        None where no partition has as many motions as there must be. Of several
+        numbers the largest is chosen whose motions are all more likely apart than one.
     """
     fewest, most = int(counts[0]), int(counts[-1])
     search.calibrate(over_segments[0])
-    found = [search.settled(labels)]
-    if fewest < most:
-        found += [search.descent(some, fewest, SURE) for some in over_segments]
-    sizes = [int(some.max()) + 1 for _, some, _ in found]
-    n_motions = max((size for size in sizes if size <= most), default=most)
-    starts = [some for _, some, _ in found]
-    if fewest == most:
-        starts += over_segments
-    partitions = [
-        search.descent(some, n_motions, np.inf)
-        for some in starts
-        if some.max() + 1 >= n_motions
+    paths = [search.descent(some, 1) for some in over_segments]
+    steps: dict[int, Step] = {}
+    for step in (step for path in paths for step in path):
+        n = step.n_motions
+        if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
+            steps[n] = step
+    chosen = max(_n_apart(path, fewest, most) for path in paths)
+    while True:
+        found = _of_number(search, chosen, paths, candidates, bisect)
+        if found is None:
+            return None
+        steps[chosen] = _improved(search, found, bisect)
+        if chosen == fewest or steps[chosen].log_odds > 0:
+            break
+        chosen -= 1
+    while chosen < most:
+        grown = _split_best(search, steps[chosen], bisect)
+        if grown is None or grown.log_odds <= 0:
+            break
+        chosen += 1
+        steps[chosen] = grown
+    return RigidPartitions(steps, chosen)
+
+
+def _rank(step):
+    """Energy per track, and what it costs that two motions are likely one."""
+    return step.energy / len(step.labels) - NATS_OF_ODDS * min(step.log_odds, 0.0)
+
+
+def _n_apart(path, fewest, most):
+    """The largest number of groups on a path that are all apart."""
+    apart = (step.n_motions for step in path if step.log_odds > 0)
+    return max((n for n in apart if fewest <= n <= most), default=fewest)
+
+
+def _of_number(search, n_motions, paths, candidates, bisect):
+    """The best partition into so many motions, from several starts."""
+    found = [
+        search.settled(step.labels, step.motions, ROUNDS)
+        for path in paths
+        for step in path
+        if step.n_motions == n_motions
     ]
-    partitions += [search.settled(some) for some in candidates(n_motions)]
-    partitions = [each for each in partitions if each[1].max() + 1 == n_motions]
-    if not partitions:
-        return labels
-    best = min(partitions, key=lambda each: each[0])
-    energy, improved, _ = _improved(search, best, bisect)
-    if n_motions == labels.max() + 1:
-        saved = search.fitted_energy(labels) - energy
-        return improved if saved > LEAST_SAVED * len(labels) else labels
-    return improved
+    found += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
+    found = [
+        _with_odds(search, Step(*each))
+        for each in found
+        if each[1].max() + 1 == n_motions
+    ]
+    found += [_apart_and_split(search, path, n_motions, bisect) for path in paths]
+    return min((each for each in found if each is not None), key=_rank, default=None)
+
+
+def _apart_and_split(search, path, n_motions, bisect):
+    """The last groups of a path that are all apart, split to as many as are wanted."""
+    apart = [step for step in path if step.log_odds > 0 and step.n_motions < n_motions]
+    step = apart[0] if apart else None
+    while step is not None and step.n_motions < n_motions:
+        step = _split_best(search, step, bisect)
+    return step
 
 
 def _improved(search, best, bisect):
-    """A partition of lower energy: a group is split, and two others merged."""
-    n_motions = int(best[1].max()) + 1
+    """A better partition: a group is split, and two others merged."""
     for _ in range(MOST_CHANGES):
         new = [
-            search.descent(some, n_motions, np.inf) for some in split(best[1], bisect)
+            search.descent(some, best.n_motions)[-1]
+            for some in _splits(search, best, bisect)
         ]
-        new = [each for each in new if each[1].max() + 1 == n_motions]
-        better = min(new, key=lambda each: each[0], default=best)
-        if not better[0] < best[0] - 1e-6 * abs(best[0]):
+        new = [
+            _with_odds(search, each)
+            for each in new
+            if each.n_motions == best.n_motions
+            and (each.energy < best.energy or best.log_odds < 0)
+        ]
+        better = min(new, key=_rank, default=best)
+        if not _rank(better) < _rank(best):
             break
         best = better
     return best
+
+
+def _split_best(search, step, bisect):
+    """The best partition with one group more; None if none can be parted."""
+    new = [Step(*search.settled(some)) for some in _splits(search, step, bisect)]
+    new = [
+        _with_odds(search, each) for each in new if each.n_motions > step.n_motions
+    ]
+    return min(new, key=_rank, default=None)
+
+
+def _splits(search, step, bisect):
+    """Partitions with one group more: halves of the graph, and what is unexplained."""
+    yield from split(step.labels, bisect)
+    yield from search.unexplained(step.labels, step.motions)
+
+
+def _with_odds(search, step):
+    """A partition with the two groups that are least apart."""
+    if step.n_motions == 1:
+        return step
+    (i, j), least = search.least_apart(step.labels, step.motions)
+    return step._replace(pair=(j, i), log_odds=least.log_odds)

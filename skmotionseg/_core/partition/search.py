@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from .agglomeration import merge_path
 from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
-from .rigid_search import RigidSearch, rigid_partition
+from .rigid_search import NATS_OF_LINKS, RigidSearch, rigid_partitions
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
@@ -58,6 +59,9 @@ class PartitionSearch:
     gainless : ndarray of int, shape (n_counts, 2), optional
         Two motions that gain too little from being apart, for each count that was
         passed over for it; -1 for others.
+    log_odds : ndarray of shape (n_counts,), optional
+        Of the two least different motions of each partition being two; NaN where the
+        search does not say.
     cost_names : (str, str)
         What the two terms of the costs are.
     cost_weights : (float, float)
@@ -73,6 +77,7 @@ class PartitionSearch:
     shares: np.ndarray
     explanation: Explanation | None = None
     gainless: np.ndarray | None = None
+    log_odds: np.ndarray | None = None
     cost_names: tuple[str, str] = COST_NAMES
     cost_weights: tuple[float, float] = COST_WEIGHTS
     cost_tolerance: float = 1e-9
@@ -90,12 +95,11 @@ def search_partitions(
 ):
     """Find the best partition for each of several numbers of motions.
 
-    Candidates are spectral clusterings for several sparsities, with and without the
-    simplest motion model, and what is left when an over-segmentation is merged step by
-    step. A candidate costs the nats per observation that its motions take to describe,
-    each by a fundamental matrix per frame pair, plus its weighted normalised cut. The
-    count of least cost is chosen, of those in which all motions gain from being apart,
-    and its partition is refined until the cost falls no more.
+    Candidates are spectral clusterings for several sparsities and over-segmentations
+    that are merged step by step. Where tracks are seen in several frames, the judge is
+    rigid motion over windows of frames (see :mod:`.rigid_search`); of two images, and
+    of few or short tracks, fundamental matrices of frame pairs and the cut of the graph
+    (see :mod:`.cost`).
 
     Outliers would be judged, too, and make the background look badly described. So
     tracks that are inliers of no over-segment are left out and only get the label of
@@ -131,15 +135,10 @@ def search_partitions(
         segments = _fit_over_segments(clip, cluster)
         judged = _worth_judging(clip, segments, counts)
     whole, clip = clip, clip if len(judged) == len(connected) else clip[judged]
-    best = _best_by_count(clip, counts, cluster)
-    chosen, gainless = _choose(best, clip.judge)
-    if len(counts) > 1 or counts[0] > 1:
-        refined = _refine(best[chosen][1], clip, counts, cluster)
-        if not np.array_equal(refined, best[chosen][1]):
-            chosen = int(refined.max()) + 1
-            best[chosen] = (clip.judge.cost(refined), refined)
-            gainless.pop(chosen, None)  # that was another partition
-    chosen = _prefer_rigid_motion(best, chosen, gainless, clip, counts, cluster)
+    found = _by_rigid_motion(clip, counts, cluster)
+    if found is None:
+        found = _by_frame_pairs(clip, counts, cluster)
+    best, chosen = found.best, found.chosen
     explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
     return PartitionSearch(
@@ -149,21 +148,62 @@ def search_partitions(
         list(labels).index(chosen),
         _put(connected, own_shares(whole.sparse[-1], labels[chosen]), len(points), 0.0),
         explanation,
-        np.array([gainless.get(count, (-1, -1)) for count in labels]),
+        np.array([found.gainless.get(count, (-1, -1)) for count in labels]),
+        np.array([found.log_odds.get(count, np.nan) for count in labels]),
+        *found.costs,
     )
 
 
-def _prefer_rigid_motion(best, chosen, gainless, clip, counts, cluster):
-    """The number of motions that rigid motion over windows prefers.
+class _Found(NamedTuple):
+    """What a judge makes of a clip.
 
-    Its partition becomes the one of that number in ``best``, and is not gainless.
+    Attributes
+    ----------
+    best : dict of int to (Cost, ndarray)
+        Cost and labels of the best partition for each number of motions.
+    chosen : int
+    gainless : dict of int to (int, int)
+        Two motions that are likely one, for the numbers passed over for it.
+    log_odds : dict of int to float
+        Of the two least different motions of a partition.
+    costs : tuple
+        Names of the terms of a cost, and their weights.
     """
+
+    best: dict[int, tuple[Cost, np.ndarray]]
+    chosen: int
+    gainless: dict[int, tuple[int, int]]
+    log_odds: dict[int, float]
+    costs: tuple = (COST_NAMES, COST_WEIGHTS)
+
+
+def _by_frame_pairs(clip, counts, cluster):
+    """The best partitions by a fundamental matrix per frame pair, and by the graph.
+
+    A candidate costs the nats per observation that its motions take to describe plus
+    its weighted normalised cut. The count of least cost is chosen, of those in which
+    all motions gain from being apart, and its partition is refined until the cost falls
+    no more.
+    """
+    best = _best_by_count(clip, counts, cluster)
+    chosen, gainless = _choose(best, clip.judge)
+    if len(counts) > 1 or counts[0] > 1:
+        refined = _refine(best[chosen][1], clip, counts, cluster)
+        if not np.array_equal(refined, best[chosen][1]):
+            chosen = int(refined.max()) + 1
+            best[chosen] = (clip.judge.cost(refined), refined)
+            gainless.pop(chosen, None)  # that was another partition
+    return _Found(best, chosen, gainless, {})
+
+
+def _by_rigid_motion(clip, counts, cluster):
+    """The best partitions by rigid motion over windows; None where it tells little."""
     windows = _windows(clip)
     most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), len(clip.points))
     graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
     graphs = [graph for graph in graphs if graph.n_leading > 1]
     if windows is None or not graphs or counts[-1] == 1:
-        return chosen
+        return None
 
     def clustered(n_motions):
         return [
@@ -172,22 +212,26 @@ def _prefer_rigid_motion(best, chosen, gainless, clip, counts, cluster):
             if 1 < n_motions <= graph.n_leading
         ]
 
-    before = best[chosen][1]
-    labels = rigid_partition(
-        RigidSearch(windows, clip.sparse[-1].sum(axis=0)),
-        before,
-        [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs],
-        counts,
-        clustered,
-        partial(_bisect, clip, cluster),
-    )
-    if np.array_equal(labels, before):
-        return chosen
-    labels = canonical_labels(labels)
-    chosen = int(labels.max()) + 1
-    best[chosen] = (clip.judge.cost(labels), labels)
-    gainless.pop(chosen, None)
-    return chosen
+    views = clip.sparse[-1]
+    search = RigidSearch(windows, views.sum(axis=0), views[0])
+    over_segments = [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
+    bisect = partial(_bisect, clip, cluster)
+    found = rigid_partitions(search, over_segments, counts, clustered, bisect)
+    return None if found is None else _rigid_costs(search, found)
+
+
+def _rigid_costs(search, found):
+    """What partitions by rigid motion cost per track, and why counts are passed over."""
+    best, gainless, log_odds = {}, {}, {}
+    for count, step in found.steps.items():
+        cut, nats = search.terms(step.labels, step.motions)
+        best[count] = Cost(cut, nats, NATS_OF_LINKS * cut + nats), step.labels
+        if step.pair is not None:
+            log_odds[count] = step.log_odds
+            if count > found.chosen:
+                gainless[count] = step.pair
+    names = "links to other motions", "nats per track"
+    return _Found(best, found.chosen, gainless, log_odds, (names, (NATS_OF_LINKS, 1.0)))
 
 
 def _windows(clip):
