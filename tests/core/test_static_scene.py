@@ -118,6 +118,19 @@ def test_two_things_are_two_parts():
     assert set(first) != set(second)
 
 
+def test_a_small_part_inside_another_is_of_it():
+    """A head, or a hand, of what moves."""
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    middle = np.nanmean(points, axis=1)
+    inner = moves & (np.abs(middle - np.nanmean(middle[moves], axis=0)) < 20).all(
+        axis=1
+    )
+    points[inner] += np.multiply.outer(np.arange(N_FRAMES), [0.0, -1.0])
+    parts = found(points, visibility)
+    assert inner.sum() >= 12
+    assert (parts[moves] == 0).mean() > 0.9
+
+
 def test_a_crowd_of_noise_is_no_part():
     """Water: tracks that move, but neither as one nor as those around them."""
     points, visibility, moves = clip(BOX, (0, 0, 0))

@@ -49,6 +49,8 @@ WHOLE = 0.8
 # Share of the tracks that is most of them: of a rigid motion's that move, if it does,
 # and of a part's that go together.
 MOST = 0.5
+# A part that encloses another has so many times its tracks.
+ENCLOSING = 5.0
 # Regions are taken apart so many times at most.
 MOST_DEPTH = 6
 # Tracks around one that tell its movement, by residuals so many times smaller: those of
@@ -245,7 +247,26 @@ class _Parts:
         labels = np.full(len(moving), -1)
         for number, part in enumerate(sorted(parts, key=len, reverse=True)):
             labels[part] = number
-        return labels
+        return self._absorbed(labels, len(parts))
+
+    def _absorbed(self, labels, n_parts):
+        """The same, but that parts which much larger ones enclose are of these."""
+        first, second = labels[self._pairs].T
+        links = np.zeros((n_parts + 1, n_parts + 1))  # the last is what moves not
+        np.add.at(links, (first, second), 1)
+        np.add.at(links, (second, first), 1)
+        np.fill_diagonal(links, 0)
+        sizes = np.bincount(labels[labels >= 0], minlength=n_parts)
+        owner = np.arange(n_parts)
+        for part in range(n_parts):
+            other = links[part].argmax()
+            enclosed = links[part, other] > MOST * links[part].sum()
+            if other < n_parts and enclosed and sizes[other] > ENCLOSING * sizes[part]:
+                owner[part] = owner[other]  # larger, so that its owner is known
+        if not n_parts:
+            return labels
+        _, names = np.unique(owner, return_inverse=True)
+        return np.where(labels >= 0, names[labels], -1)
 
     def _rigid_parts(self, moving):
         """Parts that one motion explains, and a mask of the tracks that are left."""
