@@ -1,10 +1,12 @@
 """
-From a video to a coloured video
-================================
+From a video to masks of what moves
+===================================
 
 :func:`~skmotionseg.video.track_video` follows points through a video, or a folder of
 frames, and :func:`~skmotionseg.video.render_segmentation` draws their motions on it.
-Both need OpenCV: ``pip install "skmotionseg[video]"``. The video here is made up: a
+:func:`~skmotionseg.video.find_objects` finds what moves before the static scene, and
+:func:`~skmotionseg.video.dense_masks` gives every pixel of every frame its label. They
+need OpenCV: ``pip install "skmotionseg[video]"``. The video here is made up: a
 textured wall, seen by a camera that turns, and two textured squares before it.
 """
 
@@ -17,7 +19,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from skmotionseg import MotionSegmenter
-from skmotionseg.video import render_segmentation, track_video
+from skmotionseg.video import (
+    dense_masks,
+    find_objects,
+    render_segmentation,
+    track_video,
+)
 
 rng = np.random.default_rng(0)
 
@@ -62,12 +69,30 @@ print(f"{segmenter.n_motions_} motions of {np.bincount(explained)} tracks")
 # A name that ends in ``.mp4`` makes a video; ``.png`` makes a sheet of up to nine
 # frames.
 
-with tempfile.TemporaryDirectory() as folder:
-    sheet = Path(folder, "motions.png")
-    render_segmentation(frames, video.tracks, segmenter.labels_, sheet)
-    picture = plt.imread(sheet)
 
-figure, ax = plt.subplots(figsize=(9, 6), layout="constrained")
-ax.imshow(picture)
-ax.set_axis_off()
-plt.show()
+def draw_sheet(labels, **options):
+    with tempfile.TemporaryDirectory() as folder:
+        sheet = Path(folder, "motions.png")
+        render_segmentation(frames, video.tracks, labels, sheet, **options)
+        picture = plt.imread(sheet)
+    _, ax = plt.subplots(figsize=(9, 6), layout="constrained")
+    ax.imshow(picture)
+    ax.set_axis_off()
+    plt.show()
+
+
+draw_sheet(segmenter.labels_)
+
+# %%
+# Which motion is the static scene, and what moves before it: 0 is the scene.
+
+objects = find_objects(
+    video.tracks, segmenter.labels_, width=video.width, height=video.height
+)
+print(f"the static scene is motion {segmenter.background_}")
+print(f"{objects.max()} things of {np.bincount(objects[objects > 0])[1:]} tracks")
+
+# %%
+# Masks come one frame at a time. Drawn, they leave the image to be seen.
+
+draw_sheet(objects, masks=dense_masks(frames, video.tracks, objects))
