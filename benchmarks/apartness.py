@@ -29,16 +29,6 @@ WITHOUT_WINDOWS = ("two_images", "photographs")
 PURE = 0.8
 
 
-class _Recorded(rigid_search.RigidSearch):
-    """A search that is kept, with the tracks that it was for."""
-
-    kept: list[_Recorded] = []
-
-    def __init__(self, windows, affinity, simplest):
-        super().__init__(windows, affinity, simplest)
-        self.kept.append(self)
-
-
 def pairs_of(X, target):
     """Pairs of groups that are met when over-segmentations of a clip are merged to one.
 
@@ -52,19 +42,27 @@ def pairs_of(X, target):
     list of (float, float, int)
         Gain, log of links over chance, and 1 if the two are apart.
     """
-    search.RigidSearch, _Recorded.kept = _Recorded, []
+    kept: list[rigid_search.RigidSearch] = []
+
+    def descend(found, over_segments, *_):
+        found.calibrate(over_segments[0])
+        for some in over_segments:
+            found.descent(some, 1)
+        kept.append(found)
+
+    search.rigid_partitions, before = descend, search.rigid_partitions
     try:
         MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
     finally:
-        search.RigidSearch = rigid_search.RigidSearch
+        search.rigid_partitions = before
     labels = {
         row[np.isfinite(row)].tobytes(): y for row, y in zip(X, target, strict=True)
     }
     rows = []
-    for kept in _Recorded.kept:
-        points = kept.windows.points
+    for one in kept:
+        points = one.windows.points
         mine = np.array([labels[_digest(track)] for track in points])
-        for key, found in kept.apart.items():
+        for key, found in one.apart.items():
             truth = _truth(*(mine[np.frombuffer(each, dtype=int)] for each in key))
             if truth is not None:
                 gain = min(found.gain, rigid_search.MOST_GAIN)

@@ -106,6 +106,11 @@ class Constant:
 
 
 CONSTANTS = (
+    Constant("_core.partition.rigid_search", "GAIN_WEIGHT"),
+    Constant("_core.partition.rigid_search", "LINK_WEIGHT"),
+    Constant("_core.partition.rigid_search", "PRIOR"),
+    Constant("_core.partition.rigid_search", "NATS_OF_LINKS"),
+    Constant("_core.partition.rigid_search", "NATS_OF_ODDS"),
     Constant("_core.partition.cost", "CUT_WEIGHT"),
     Constant("_core.partition.cost", "GAIN_OF_CUT"),
     Constant("_core.partition.search", "SPARSITIES"),

@@ -27,7 +27,7 @@ from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.motions import fit_motions
 from ._core.partition.scene import background_motion
-from ._core.partition.search import SPARSITIES, search_partitions
+from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
 from ._segmenter.memory import number_of_landmarks
@@ -167,9 +167,9 @@ estimator, default="description_length"
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each, two terms, such as the normalised cut and the description length per
-        observation, and the weighted total. The count of the lowest total is taken, but
-        by description length only if each two motions gain from being apart.
+        For each, two terms, such as the share of the links that go to other motions and
+        the nats per track, and the weighted total. The count of the lowest total is
+        taken, but by description length only if each two motions gain from being apart.
     cost_names_ : (str, str)
         What the two terms are.
     cost_weights_ : (float, float)
@@ -183,6 +183,14 @@ estimator, default="description_length"
     gainless_pairs_ : ndarray of int, shape (n_counts, 2)
         For each, two motions of its partition that gain too little from being apart, if
         it was passed over for that; else -1.
+    log_odds_ : ndarray of shape (n_counts,)
+        For each, the log odds that the two least different motions of its partition are
+        two and not one. NaN where nobody asked: for the fewest motions, for a given
+        number, and where fundamental matrices of frame pairs judge (of two images, of
+        fewer than 40 tracks, of tracks seen in fewer than three frames of a window).
+    count_probabilities_ : ndarray of shape (n_counts,)
+        How likely each number of motions is, from ``log_odds_``; they sum to 1. NaN
+        where frame pairs judge.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         The tracks that were fitted, by their position.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
@@ -465,6 +473,8 @@ estimator, default="description_length"
         self.gainless_pairs_ = follow_pairs(
             found.gainless, found.labels, self.candidate_labels_[:, self.landmarks_]
         )
+        self.log_odds_ = _or_unknown(found.log_odds, found.counts)
+        self.count_probabilities_ = count_probabilities(found.counts, self.log_odds_)
         self.n_motions_ = int(self.labels_.max()) + 1
         self.background_ = _background(points, visibility, self.labels_)
         self._keep_motions(points, visibility, affinities)
@@ -583,14 +593,15 @@ estimator, default="description_length"
              1      40  28.6%  8 of 8  affine         0.5... px  0.7... px
              2      20  14.3%  8 of 8  fundamental    0.1... px  0.3... px
         <BLANKLINE>
-                 normalised  description length
-        motions         cut     per observation    total
+                      links to  nats per
+        motions  other motions     track   total
         ---...---
-              1      0.0...             -4.1...  -4.1...  cost higher by ...
-              2      0.0...             -5.6...  -5.6...  cost higher by ...
-              3      0.1...             -6.0...  -6.0...  chosen
-              4      0.4...             -5.9...  -5.7...  cost higher by ...
-        total = 0.3 x normalised cut + description length per observation
+              1         0.0...    9...     9...   cost higher by ...
+              2         0.0...    4...     4...   cost higher by ...
+              3         0.0...    2.7...   2.7...  chosen
+              4         0.0...    2.7...   3.0...  motions 0 and 2 are one (99 %)
+        total = 4 x links to other motions + nats per track
+        Number of motions: 3 with 99 %; next, ...
         """
         check_is_fitted(self)
         return make_report(self, *self._read_tracks(X, reset=False))
@@ -635,6 +646,10 @@ def _without_outliers(points, visibility, labels, explanation):
         order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
         explanation = explanation.reordered(order)
     return labels, explanation
+
+
+def _or_unknown(log_odds, counts):
+    return np.full(len(counts), np.nan) if log_odds is None else log_odds
 
 
 def _reject(points, visibility, labels, explanation):

@@ -120,13 +120,26 @@ def test_what_cannot_be_is_an_error(family, overrides, words):
 @every_family
 def test_the_truth_is_the_image_of_rigid_things(family):
     """Each motion explains its own tracks without any residual, noise apart."""
-    scene = scene_of(family, seed=3)
+    scene = scene_of(family, seed=3, distortion=0)
     camera = Camera(None, None, scene.focal, scene.image_size)
     for motion in range(scene.n_motions):
         tracks = places(scene.truth[scene.target == motion])
         rigid = Motion(scene.rotations[motion], scene.translations[motion])
         seen = np.isfinite(tracks[..., 0])
         assert misfits(tracks, seen, [rigid], camera, 8).max() < 0.01
+
+
+def test_a_lens_moves_corners_most_and_the_middle_not_at_all():
+    straight, bent = (
+        make_scene("street", random_state=3, distortion=share) for share in (0, -0.05)
+    )
+    middle = straight.image_size / 2
+    before = places(straight.truth) - middle
+    shift = places(bent.truth) - middle - before
+    outward = np.linalg.norm(before, axis=-1) / np.linalg.norm(middle)
+    share = (shift * before).sum(axis=-1) / (before**2).sum(axis=-1)
+    seen = np.isfinite(share) & (outward > 0.01)
+    assert_allclose(share[seen], -0.05 * outward[seen] ** 2, atol=1e-9)
 
 
 @every_family

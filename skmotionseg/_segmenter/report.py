@@ -12,6 +12,9 @@ from .._core.geometry.description_length import clip_geometry
 from .._core.geometry.model_choice import choose_model
 from .motions import ISOLATED, OUTLIER, TOO_SHORT
 
+# Probability of a number of motions below which it is nearly as likely to be another.
+NEAR_TIE = 0.6
+
 
 @dataclass(frozen=True)
 class MotionRecord:
@@ -36,6 +39,7 @@ class CountRecord:
     total: float
     chosen: bool
     gainless_pair: tuple[int, int] | None
+    probability: float
     verdict: str
 
 
@@ -61,7 +65,8 @@ class SegmentationReport:
         its cost and their weighted sum, ``total``; whether it was ``chosen``;
         ``gainless_pair``, the labels (in ``candidate_labels_``) of two motions that
         gain too little from being apart, where it was passed over for that, or None;
-        and the ``verdict`` in words.
+        its ``probability`` (NaN where the rule gives none); and the ``verdict`` in
+        words.
     n_tracks : int
     n_frames : int
     n_outliers : int
@@ -133,8 +138,8 @@ class SegmentationReport:
         Returns
         -------
         list of dict
-            ``n_motions``, both terms by their name, ``total``, ``chosen`` and
-            ``verdict``.
+            ``n_motions``, both terms by their name, ``total``, ``chosen``,
+            ``probability`` and ``verdict``.
         """
         first, second = self.term_names
         return [
@@ -144,6 +149,7 @@ class SegmentationReport:
                 second: count.terms[1],
                 "total": count.total,
                 "chosen": count.chosen,
+                "probability": count.probability,
                 "verdict": count.verdict,
             }
             for count in self.counts
@@ -236,7 +242,8 @@ def _count_records(segmenter):
         labels = segmenter.gainless_pairs_[position].tolist()
         pair = None if min(labels) < 0 else tuple(labels)
         rise = cost[2] - costs[best, 2]
-        verdict = _verdict(pair, rise, tolerance, count < counts[best])
+        odds = segmenter.log_odds_[position]
+        verdict = _verdict(pair, odds, rise, tolerance, count < counts[best])
         if position == best:
             verdict = _verdict_of_chosen(pair, len(counts))
         yield CountRecord(
@@ -245,20 +252,26 @@ def _count_records(segmenter):
             total=float(cost[2]),
             chosen=position == best,
             gainless_pair=pair,
+            probability=float(segmenter.count_probabilities_[position]),
             verdict=verdict,
         )
 
 
-def _verdict(gainless_pair, rise, tolerance, is_fewer):
+def _verdict(gainless_pair, log_odds, rise, tolerance, is_fewer):
     """Why a count was not taken."""
     if gainless_pair is not None:
         first, second = gainless_pair
-        return f"motions {first} and {second} gain too little"
+        if np.isnan(log_odds):
+            return f"motions {first} and {second} gain too little"
+        return f"motions {first} and {second} are one ({_percent(-log_odds)})"
     if rise > tolerance:
         return f"cost higher by {rise:.2g}"
-    if rise < -tolerance:
-        return "rigid motion over many frames says otherwise"
     return f"same cost, but {'fewer' if is_fewer else 'more'} motions"
+
+
+def _percent(log_odds):
+    """A probability in per cent, never 100."""
+    return f"{min(100 / (1 + np.exp(-log_odds)), 99):.0f} %"
 
 
 def _verdict_of_chosen(gainless_pair, n_counts):
@@ -358,7 +371,23 @@ def _count_lines(report):
         )
         for count in report.counts
     ]
-    return f"{_table(header, rows, 'rrrrl')}\n{_formula(report)}"
+    lines = [_table(header, rows, "rrrrl"), _formula(report), *_how_sure(report)]
+    return "\n".join(lines)
+
+
+def _how_sure(report):
+    """The probability of the number of motions, and the next likely number."""
+    if len(report.counts) == 1 or np.isnan(report.counts[0].probability):
+        return
+    (chosen,) = (each for each in report.counts if each.chosen)
+    others = (each for each in report.counts if not each.chosen)
+    following = max(others, key=lambda each: each.probability)
+    likely, less = (
+        f"{each.n_motions} with {100 * each.probability:.0f} %"
+        for each in (chosen, following)
+    )
+    tie = " (a near tie)" if chosen.probability < NEAR_TIE else ""
+    yield f"Number of motions: {likely}{tie}; next, {less}."
 
 
 def _halves(name):

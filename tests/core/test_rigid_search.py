@@ -8,7 +8,7 @@ import pytest
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
-from skmotionseg._core.partition.rigid_search import RigidSearch, rigid_partition
+from skmotionseg._core.partition.rigid_search import RigidSearch, rigid_partitions
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -66,40 +66,67 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     x = np.nanmean(points[background], axis=1)[:, 0]
     torn = y.copy()
     torn[background[x > np.median(x)]] = y.max() + 1
-    pair, least = search.least_apart(torn, search.motions(torn), 0.0)
+    pair, least = search.least_apart(torn, search.motions(torn))
     assert set(pair) == {0, y.max() + 1}
     assert least.log_odds < 0
-    _, whole = search.least_apart(y, search.motions(y), 0.0)
+    _, whole = search.least_apart(y, search.motions(y))
     assert whole.log_odds > 2
 
 
-def test_motions_are_found_that_a_partition_lacks(scene):
+def found_in(scene, counts):
+    """Partitions by rigid motion, from pieces of the true motions."""
     points, y = scene[0], scene[-1]
     side = np.nanmean(points, axis=1)[:, 0]
     pieces = canonical_labels(2 * y + (side > np.median(side)))
-    labels = rigid_partition(
+    return rigid_partitions(
         search_of(scene),
-        np.zeros_like(y),
         [pieces],
-        np.arange(1, 9),
-        lambda n_motions: [],
-        lambda group: None,
+        counts,
+        candidates=lambda n_motions: [],
+        bisect=lambda group: None,
     )
-    assert labels.max() == y.max()
-    assert misclassification_error(y, labels) < 0.03
+
+
+def test_the_number_of_motions_is_found(scene):
+    y = scene[-1]
+    found = found_in(scene, np.arange(1, 9))
+    assert found.chosen == y.max() + 1
+    assert misclassification_error(y, found.steps[found.chosen].labels) < 0.03
+    assert found.steps[found.chosen].log_odds > 0
+    for n_motions, step in found.steps.items():
+        assert step.n_motions == n_motions
+        if n_motions > found.chosen:
+            assert step.log_odds < 0
 
 
 def test_the_number_that_is_asked_for_is_kept(scene):
-    points, y = scene[0], scene[-1]
-    side = np.nanmean(points, axis=1)[:, 0]
-    pieces = canonical_labels(2 * y + (side > np.median(side)))
-    for count in (2, y.max() + 1):
-        labels = rigid_partition(
-            search_of(scene),
-            pieces,
-            [pieces],
-            np.array([count]),
-            lambda n_motions: [],
-            lambda group: None,
-        )
-        assert labels.max() + 1 == count
+    for count in (2, scene[-1].max() + 1):
+        found = found_in(scene, np.array([count]))
+        assert found.chosen == count
+        assert set(np.unique(found.steps[count].labels)) == set(range(count))
+
+
+def test_nothing_is_found_where_nothing_can_be_parted(scene):
+    search = search_of(scene)
+    whole = np.zeros(len(scene[0]), dtype=int)
+    found = rigid_partitions(
+        search, [whole], np.array([3]), lambda n_motions: [], lambda group: None
+    )
+    assert found is None or found.steps[3].n_motions == 3
+
+
+def test_what_no_motion_explains_becomes_a_group(scene):
+    """Tracks of a small motion that a partition gave to the background come apart."""
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    without = np.where(y == y.max(), 0, y)
+    tried = list(search.unexplained(without, search.motions(without)))
+    best = min(misclassification_error(y, search.settled(each)[1]) for each in tried)
+    assert best < 0.05
+
+
+def test_links_are_compared_with_chance(scene):
+    points, visibility, affinity, _ = scene
+    search = RigidSearch(Windows(points, visibility), np.ones_like(affinity))
+    first, second = np.arange(30), np.arange(30, 100)
+    assert search._links(first, second) == pytest.approx(1, rel=0.02)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from skmotionseg import MotionSegmenter
-from skmotionseg._core.partition.cost import CUT_WEIGHT
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -34,7 +33,8 @@ def test_ncre_chooses_the_cheapest_count(scene):
 def test_total_is_length_plus_the_weighted_cut(scene):
     segmenter = MotionSegmenter(max_motions=3, n_hypotheses=100, random_state=0)
     costs = segmenter.fit(scene[0]).costs_
-    np.testing.assert_allclose(costs[:, 2], CUT_WEIGHT * costs[:, 0] + costs[:, 1])
+    total = costs[:, :2] @ segmenter.cost_weights_
+    np.testing.assert_allclose(costs[:, 2], total)
     assert costs[0, 0] == pytest.approx(0, abs=1e-9)  # one motion cuts nothing
 
 

@@ -232,11 +232,11 @@ def test_values_are_scaled_in_kind():
 
 def _settings():
     """As it is; no motion is worth its while; other lengths."""
-    gain = sensitivity.Constant("_core.partition.cost", "GAIN_OF_CUT")
+    prior = sensitivity.Constant("_core.partition.rigid_search", "PRIOR")
     levels = sensitivity.Constant("_core.geometry.description_length", "NOISE_LEVELS")
     return [
         sensitivity.AS_IT_IS,
-        sensitivity.Setting("no gain is enough", gain, 1e9),
+        sensitivity.Setting("no gain is enough", prior, -1e9),
         sensitivity.Setting("noise", levels, 2 * levels.value),
     ]
 

@@ -535,9 +535,7 @@ def _improved(search, best, bisect):
 def _split_best(search, step, bisect):
     """The best partition with one group more; None if none can be parted."""
     new = [Step(*search.settled(some)) for some in _splits(search, step, bisect)]
-    new = [
-        _with_odds(search, each) for each in new if each.n_motions > step.n_motions
-    ]
+    new = [_with_odds(search, each) for each in new if each.n_motions > step.n_motions]
     return min(new, key=_rank, default=None)
 
 

@@ -221,8 +221,9 @@ def _by_rigid_motion(clip, counts, cluster):
 
 
 def _rigid_costs(search, found):
-    """What partitions by rigid motion cost per track, and why counts are passed over."""
-    best, gainless, log_odds = {}, {}, {}
+    """Costs per track of partitions by rigid motion, and which counts are not it."""
+    best: dict[int, tuple[Cost, np.ndarray]] = {}
+    gainless, log_odds = {}, {}
     for count, step in found.steps.items():
         cut, nats = search.terms(step.labels, step.motions)
         best[count] = Cost(cut, nats, NATS_OF_LINKS * cut + nats), step.labels
@@ -232,6 +233,33 @@ def _rigid_costs(search, found):
                 gainless[count] = step.pair
     names = "links to other motions", "nats per track"
     return _Found(best, found.chosen, gainless, log_odds, (names, (NATS_OF_LINKS, 1.0)))
+
+
+def count_probabilities(counts, log_odds):
+    """How likely each number of motions is.
+
+    Parameters
+    ----------
+    counts : ndarray of int, shape (n_counts,)
+        Ascending.
+    log_odds : ndarray of shape (n_counts,)
+        Of the two least different motions of each partition being two.
+
+    Returns
+    -------
+    ndarray of shape (n_counts,)
+        There are at least as many motions as in any partition whose motions are all
+        different, so the probability of a number is that of it or more being different
+        less that of more. NaN where any log odds but those of the first are NaN.
+    """
+    if len(counts) == 1:
+        return np.ones(1)
+    apart = 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
+    apart[0] = 1
+    if np.isnan(apart).any():
+        return np.full(len(counts), np.nan)
+    at_least = np.maximum.accumulate(apart[::-1])[::-1]
+    return at_least - np.append(at_least[1:], 0)
 
 
 def _windows(clip):
