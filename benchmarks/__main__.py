@@ -5,6 +5,7 @@ The commands:
     python -m benchmarks [--filter REGEX] [--quick]       every class, as asv would
     python -m benchmarks --table --data DIR [--rows ...]  the table
     python -m benchmarks --write docs/speed.md            its figures, from JSON
+    python -m benchmarks.figures                          those of all pages, from JSON
 
 ``benchmarks.floor``, ``.peers``, ``.growth``, ``.imports`` and ``.sensitivity`` run by
 themselves, with ``python -m``. With ``--json FILE`` each keeps its figures there, in a
@@ -34,7 +35,7 @@ SIZES = {
 QUICK_SIZES = {"tracks": [250, 500], "frames": [100, 200], "tracks_of_frames": 300}
 
 
-def _sections(page):
+def sections_of_speed(page):
     """What makes each section of the page from the record; draws its picture."""
 
     def at_scale(record):
@@ -89,7 +90,7 @@ def main(arguments=None):
     arguments = _parser().parse_args(arguments)
     if arguments.write:
         record = arguments.json or Path("docs/speed.json")
-        report.write_page(arguments.write, record, _sections(arguments.write))
+        report.write_page(arguments.write, record, sections_of_speed(arguments.write))
         return
     section = "table" if arguments.table else "stages"
     repeats = 1 if arguments.quick else arguments.repeats

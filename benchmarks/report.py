@@ -123,6 +123,13 @@ def write_page(page, record, sections):
         If the page has a section that is not known.
     """
     page, record = Path(page), json.loads(Path(record).read_text())
+    text = fill(page.read_text(), record, sections, page)
+    with replacing(page) as file:
+        file.write(text.encode())
+
+
+def fill(text, record, sections, page):
+    """Text with its marked sections rewritten; see :func:`write_page`."""
 
     def rewrite(match):
         begin, section, end = match.groups()
@@ -132,6 +139,4 @@ def write_page(page, record, sections):
             )
         return f"{begin}{sections[section](record)}\n{end}"
 
-    text = MARKED.sub(rewrite, page.read_text())
-    with replacing(page) as file:
-        file.write(text.encode())
+    return MARKED.sub(rewrite, text)

@@ -50,44 +50,44 @@ class MultiModelSpectralClustering(AffinityInput, ClusterMixin, BaseEstimator):
         Number of motions.
     fusion : {"kernel_addition", "coreg", "subset"} or callable, \
 default="kernel_addition"
-        How the views are joined: one embedding of the sum of their Laplacians
-        (kernel addition), one per view that is drawn towards the others
-        (co-regularisation), or one per view that respects that whatever a simpler model
-        joins a richer one joins too (subset constraint). A callable
-        ``(views, n_clusters) -> embeddings`` takes normalised affinities
-        ``(n_views, n, n)`` of the tracks that have an affinity to another, and gives
+        How the views are fused: one embedding of the sum of their Laplacians
+        ("kernel_addition"), one embedding per view with a penalty on disagreement
+        ("coreg", co-regularisation), or one per view with the constraint that tracks
+        joined by a simpler model are joined by a more general one, too ("subset"). A
+        callable ``(views, n_clusters) -> embeddings`` takes normalised affinities
+        ``(n_views, n, n)`` of the tracks that have an affinity to another, and returns
         one embedding per view, ``(n_views, n, n_clusters)``.
     lam : float, default=1e-2
-        Weight of agreement between the views, for ``fusion="coreg"``.
+        Weight of the agreement between the views, for ``fusion="coreg"``.
     gamma : float, default=1e-2
         Weight of the subset constraint, for ``fusion="subset"``.
     max_iter : int, default=20
-        Sweeps over the views at most.
+        Maximum number of iterations over the views.
     tol : float, default=1e-5
-        Stop when a sweep changes the objective by less than this share of
-        ``n_clusters``.
+        Tolerance for convergence: the change of the objective in an iteration,
+        relative to ``n_clusters``.
     n_init : int, default=20
-        Restarts of k-means.
+        Number of initialisations of k-means.
     n_jobs : int or None, default=None
         Number of views to decompose in parallel, in threads. ``None`` means 1 unless in
         a :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
         :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
-        Drives the starts of k-means.
+        Determines the initialisations of k-means.
 
     Attributes
     ----------
     labels_ : ndarray of int, shape (n,)
         ``0..n_clusters - 1``, the largest motion first; -1 for a track that has no
-        affinity to another in any view. Tracks of the same affinities have the same
-        label, so there are fewer where fewer differ.
+        affinity to another in any view. Tracks with identical affinities have the same
+        label, so there are fewer labels than clusters if fewer tracks differ.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
     objective_ : ndarray of shape (``n_iter_``,)
-        The cost of the views by themselves, and after each sweep that draws them
-        together; empty for a callable.
+        The objective for separate views, and after each iteration; empty for a
+        callable.
     n_iter_ : int
-        1 where the solution is direct.
+        1 if the solution is direct.
     n_views_ : int
     n_features_in_ : int
 
@@ -98,9 +98,10 @@ default="kernel_addition"
 
     Notes
     -----
-    Views come from the width of the input, in the order affine, homography,
-    fundamental; any number of views will do. Tracks that never meet belong to separate
-    components of the graph: with as many clusters as components, each is a cluster.
+    The number of views follows from the width of the input; their order is affine,
+    homography, fundamental. Tracks without direct or indirect affinity belong to
+    separate components of the graph: with as many clusters as components, each
+    component is a cluster.
 
     References
     ----------

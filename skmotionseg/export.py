@@ -1,4 +1,4 @@
-"""What labels are for: a mask of static points, a track file for each motion."""
+"""Export of labelled tracks: a mask of static points, a track file per motion."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from ._utils.writing import replacing
 def static_mask(
     X: npt.ArrayLike, labels: npt.ArrayLike, *, background: int | None = None
 ) -> npt.NDArray[np.bool_]:
-    """Which points of which tracks belong to the static scene, frame by frame.
+    """Mark the points of each track that belong to the static scene, per frame.
 
-    A structure-from-motion program may take these and leave the others.
+    A structure-from-motion program may use these points only.
 
     Parameters
     ----------
     X : array-like of shape (n_tracks, 2 * n_frames)
         Tracks in pixels; NaN where unseen.
     labels : array-like of int, shape (n_tracks,)
-        Motion of each track; negative ones belong to none, and so not to the scene.
+        Motion of each track; tracks with negative labels belong to no motion.
     background : int, optional
-        Label of the static scene; by default that of most tracks.
+        Label of the static scene; by default the label of the largest motion.
 
     Returns
     -------
     ndarray of bool, shape (n_tracks, n_frames)
-        True where a track of the background is seen.
+        True where a track of the static scene is seen.
 
     Raises
     ------

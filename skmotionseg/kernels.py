@@ -38,29 +38,30 @@ GRAPH_SPARSITY = 6.0
 class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):
     """Ordered residual kernel: affinities of tracks that prefer the same hypotheses.
 
-    Within each frame pair a track keeps the share ``top`` of the hypotheses it fits
-    best. Two tracks are as close as the number of hypotheses both keep, summed over
-    pairs, divided by what it could be at most (see ``covisibility_prior``), and
-    sparsified by the epsilon-neighbourhood (see ``sparsity``). Like
-    :class:`~sklearn.kernel_approximation.Nystroem`, it compares any rows with those it
-    was fitted on.
+    Within each frame pair, a track keeps the share ``top`` of the hypotheses with the
+    lowest residuals. The affinity of two tracks is the number of hypotheses that both
+    keep, summed over the pairs and divided by its maximum (see ``covisibility_prior``).
+    Affinities are sparsified by the epsilon-neighbourhood (see ``sparsity``). Like
+    :class:`~sklearn.kernel_approximation.Nystroem`, it computes affinities of any rows
+    to the fitted rows.
 
     Parameters
     ----------
     n_hypotheses : int or "auto", default="auto"
-        Hypotheses per frame pair: residual columns come in consecutive groups of so
-        many. "auto" is the number that :class:`HypothesisSampler` sends with its
-        residuals, and 500 for residuals that come without it.
+        Hypotheses per frame pair, which is the size of the consecutive groups of
+        columns. "auto" is the number that :class:`HypothesisSampler` attaches to its
+        residuals, and 500 for residuals without it.
     top : float, default=0.1
         Share of a pair's hypotheses that a track keeps, in (0, 1]; at least one.
     sparsity : float, "auto" or None, default="auto"
         Exponent alpha of the epsilon-neighbourhood; the larger, the fewer entries of a
-        row survive. "auto" is 6 (inside :class:`MotionSegmenter`, whose search by
-        description length compares several, 4 and 8). None keeps all.
+        row are kept. "auto" is 6 (4 and 8 in :class:`MotionSegmenter`, whose search by
+        description length compares both). None keeps all entries.
     covisibility_prior : float, default=2
         ``p`` in ``k_ij / (top * n_hypotheses * (c_ij + p))``, where ``c_ij`` is the
-        number of frame pairs that see both tracks: few common frames count for little.
-        0 divides by the common frame pairs alone, as the paper does.
+        number of frame pairs in which both tracks are seen. It reduces affinities of
+        tracks with few common frames. 0 divides by the common frame pairs alone, as the
+        paper does.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     See Also
     --------
-    HypothesisSampler : Makes the residuals.
+    HypothesisSampler : Computes the residuals.
     MultiModelSpectralClustering : Clusters the affinities of one or several kernels.
 
     Notes

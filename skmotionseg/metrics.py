@@ -15,11 +15,11 @@ from sklearn.metrics import get_scorer
 
 
 def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
-    """Share of tracks with the wrong motion, under the best matching of labels.
+    """Compute the share of misclassified tracks under the best matching of labels.
 
-    Each true motion is matched with at most one found motion so that as many tracks as
-    possible agree; all others are wrong. Tracks whose true label is negative are not
-    judged; a judged track that was labelled -1 is wrong.
+    Each true motion is matched with at most one predicted motion so that as many tracks
+    as possible agree; all others are misclassified. Tracks whose true label is negative
+    are ignored. Of the others, those with a predicted label of -1 are misclassified.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> flo
     Raises
     ------
     ValueError
-        If the lengths differ, labels are not whole numbers, or no track is judged.
+        If the lengths differ, labels are not integers, or all true labels are negative.
 
     Examples
     --------
@@ -50,12 +50,12 @@ def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> flo
 def motion_count_accuracy(
     y_true: Sequence[npt.ArrayLike], y_pred: Sequence[npt.ArrayLike]
 ) -> float:
-    """Share of sequences in which the number of motions is right.
+    """Compute the share of sequences in which the number of motions is correct.
 
     Parameters
     ----------
     y_true, y_pred : list, one entry per sequence
-        Label arrays, whose negative labels are no motion, or plain counts.
+        Label arrays, in which negative labels do not count as motions, or counts.
 
     Returns
     -------
@@ -91,11 +91,11 @@ def motion_count_accuracy(
 
 
 def sequence_scorer(scoring: str | Callable) -> Callable:
-    """Make a scorer of whole sequences of one that scores the tracks of a sequence.
+    """Make a scorer for sequences from a scorer for the tracks of a sequence.
 
     Samples of :class:`~skmotionseg.PerSequence` are sequences, so their labels are
-    lists of arrays, which scorers of scikit-learn do not take. This gives the mean of
-    the scores of all sequences. Tracks whose true label is negative are not judged.
+    lists of arrays, which scorers of scikit-learn do not accept. This scorer returns
+    the mean score over the sequences. Tracks whose true label is negative are ignored.
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def fbms_objects(
     region_sizes: npt.ArrayLike | None = None,
     threshold: float = 0.75,
 ) -> FBMSObjects:
-    """How many of the true objects are found, as the Freiburg benchmark counts them.
+    """Count the true objects that are found, as the Freiburg benchmark does.
 
     Parameters
     ----------
@@ -280,8 +280,8 @@ def fbms_objects(
     Returns
     -------
     FBMSObjects
-        Regions ``extracted`` and ``visible``, each less one for the background: which
-        region that is, is not asked, as it is not by the benchmark's program.
+        Numbers of regions ``extracted`` and ``visible``, each minus one for the
+        background, whichever region that is, as in the benchmark's program.
 
     Raises
     ------
@@ -372,21 +372,22 @@ def region_similarity(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
 def boundary_f_measure(
     y_true: npt.ArrayLike, y_pred: npt.ArrayLike, *, tolerance: float = 0.008
 ) -> float:
-    """How well the outlines of two binary masks agree: F of DAVIS.
+    """Compute the F-measure of the contours of two binary masks: F of DAVIS.
 
-    The harmonic mean of the share of the found outline that is near the true one and
-    the share of the true outline that is near the found one.
+    It is the harmonic mean of the share of the predicted contour that is near the true
+    one and the share of the true contour that is near the predicted one.
 
     Parameters
     ----------
     y_true, y_pred : array-like of bool, shape (height, width)
     tolerance : float, default=0.008
-        What is near, as a share of the diagonal, rounded up to pixels.
+        Distance at which contours match, as a share of the image diagonal, rounded up
+        to pixels.
 
     Returns
     -------
     float
-        Between 0 and 1; 1 if neither has an outline.
+        Between 0 and 1; 1 if neither has a contour.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How many motions there are, and which settings serve a whole set of sequences."""
+"""Rules that select the number of motions."""
 
 from __future__ import annotations
 
@@ -215,28 +215,31 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
 class NCREModelSelector(CountSelector):
     """Choose the number of clusters by normalised cut and reconstruction error.
 
-    For each count the affinities are clustered, and the partition costs
-    ``Ncut + delta * reconstruction``, summed over the views: cutting more costs more,
-    and a partition that merges what the affinity keeps apart reconstructs it badly.
-    The count of the lowest cost is taken; of equal costs, the smallest count.
+    The affinities are clustered into each count of groups. The cost of a partition is
+    ``Ncut + delta * reconstruction``, summed over the views: the normalised cut
+    increases with the number of groups, and the reconstruction error is high if groups
+    without affinity to each other are merged. The count of lowest cost is chosen; of
+    equal costs, the smallest count.
 
     Parameters
     ----------
     clusterer : estimator, default=None
-        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``. None is
-        :class:`MultiModelSpectralClustering` as it comes. Another gets the views side
-        by side, so it must take that, or there must be but one view.
+        Estimator that clusters stacked affinities into ``n_clusters`` groups and sets
+        ``labels_``. ``None`` means :class:`MultiModelSpectralClustering` with default
+        parameters. An estimator that does not accept several views side by side can
+        only be used with a single view.
     n_clusters : int or "auto", default="auto"
-        Number of clusters, if it is known; "auto" chooses it.
+        Number of clusters, if it is known; "auto" selects it.
     fusion, lam, gamma : default=None
         If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     delta : float, default=0.2
         Weight of the reconstruction error: larger values choose more clusters.
     min_clusters, max_clusters : int, default=1 and 10
-        Counts to try; no more than there are rows with an affinity to another.
+        Range of counts to try, limited to the number of rows with an affinity to
+        another row.
     random_state : int, RandomState instance or None, default=None
-        Seeds the clusterer, with the same seed for each count, unless its own
-        ``random_state`` is given: that holds.
+        Seed of the clusterer, the same for each count. The clusterer's own
+        ``random_state`` takes precedence if it is set.
 
     Attributes
     ----------
@@ -250,15 +253,15 @@ class NCREModelSelector(CountSelector):
     candidate_labels_ : ndarray of int, shape (n_counts, n)
         The partition of each count.
     best_index_ : int
-        Position of the chosen count.
+        Index of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
     cost_names_ : (str, str)
-        What the two terms of the costs are.
+        Names of the two terms of the costs.
     cost_weights_ : (float, float)
         Their weights in the total.
     cost_tolerance_ : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     n_features_in_ : int
 
     See Also
@@ -328,27 +331,28 @@ class NCREModelSelector(CountSelector):
 class EigengapModelSelector(CountSelector):
     """Choose the number of clusters by the largest gap between eigenvalues.
 
-    Without an affinity between groups, the normalised Laplacian has the eigenvalue 0
-    once for each; with little, as many small eigenvalues, and then a gap. The count
-    before the largest gap is taken; of equal gaps, the smallest count. Several views
-    are joined as by kernel addition, into the mean of their Laplacians, whatever the
-    fusion of the clusterer.
+    If there is no affinity between groups, the normalised Laplacian has the eigenvalue
+    0 once per group; if there is little, it has as many small eigenvalues, followed by
+    a gap. The count before the largest gap is chosen; of equal gaps, the smallest
+    count. Several views are combined into the mean of their Laplacians, as by kernel
+    addition, whatever the fusion of the clusterer.
 
     Parameters
     ----------
     clusterer : estimator, default=None
-        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
-        choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
-        it comes. Another gets the views side by side.
+        Estimator that clusters stacked affinities into ``n_clusters`` groups and sets
+        ``labels_``; the choice does not depend on it. ``None`` means
+        :class:`MultiModelSpectralClustering` with default parameters.
     n_clusters : int or "auto", default="auto"
-        Number of clusters, if it is known; "auto" chooses it.
+        Number of clusters, if it is known; "auto" selects it.
     fusion, lam, gamma : default=None
         If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     min_clusters, max_clusters : int, default=1 and 10
-        Counts to try; no more than there are rows with an affinity to another.
+        Range of counts to try, limited to the number of rows with an affinity to
+        another row.
     random_state : int, RandomState instance or None, default=None
-        Seeds the clusterer, with the same seed for each count, unless its own
-        ``random_state`` is given: that holds.
+        Seed of the clusterer, the same for each count. The clusterer's own
+        ``random_state`` takes precedence if it is set.
 
     Attributes
     ----------
@@ -358,20 +362,20 @@ class EigengapModelSelector(CountSelector):
     counts_ : ndarray of int, shape (n_counts,)
         The counts that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each count k the eigenvalue k, the next, which counts as its own if there is
-        none, and the first less the second.
+        For each count k, the k-th eigenvalue, the next one (the same one if there is
+        none), and their difference.
     candidate_labels_ : ndarray of int, shape (n_counts, n)
         The partition of each count.
     best_index_ : int
-        Position of the chosen count.
+        Index of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
     cost_names_ : (str, str)
-        What the two terms of the costs are.
+        Names of the two terms of the costs.
     cost_weights_ : (float, float)
         Their weights in the total.
     cost_tolerance_ : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     n_features_in_ : int
 
     See Also
@@ -407,29 +411,29 @@ class EigengapModelSelector(CountSelector):
 class SelfTuningModelSelector(CountSelector):
     """Choose the number of clusters by how well eigenvectors align with the axes.
 
-    Without an affinity between groups, the leading eigenvectors, as many as there are
-    groups, can be rotated so that each row has one entry that is not zero. For each
-    count the best rotation is looked for, and the largest count is taken that comes as
-    near to that as any, up to a thousandth. Several views are joined as by kernel
-    addition, into the sum of their Laplacians, whatever the fusion of the clusterer.
+    If there is no affinity between groups, the leading eigenvectors, one per group, can
+    be rotated so that each row has a single nonzero entry. The best rotation is
+    computed for each count, and the largest count is chosen whose cost is within a
+    thousandth of the lowest. Several views are combined into the sum of their
+    Laplacians, as by kernel addition, whatever the fusion of the clusterer.
 
     Parameters
     ----------
     clusterer : estimator, default=None
-        Clusters stacked affinities into ``n_clusters`` and gives ``labels_``; the
-        choice does not depend on it. None is :class:`MultiModelSpectralClustering` as
-        it comes. Another gets the views side by side.
+        Estimator that clusters stacked affinities into ``n_clusters`` groups and sets
+        ``labels_``; the choice does not depend on it. ``None`` means
+        :class:`MultiModelSpectralClustering` with default parameters.
     n_clusters : int or "auto", default="auto"
-        Number of clusters, if it is known; "auto" chooses it.
+        Number of clusters, if it is known; "auto" selects it.
     fusion, lam, gamma : default=None
         If given, set on the clusterer (see :class:`MultiModelSpectralClustering`).
     min_clusters, max_clusters : int, default=2 and 10
-        Counts to try; no more than there are rows with an affinity to another. A single
-        eigenvector is always aligned, which says nothing: 1 is only tried where it is
+        Range of counts to try, limited to the number of rows with an affinity to
+        another row. A single eigenvector is always aligned, so 1 is only tried if it is
         the only count.
     random_state : int, RandomState instance or None, default=None
-        Seeds the clusterer, with the same seed for each count, unless its own
-        ``random_state`` is given: that holds.
+        Seed of the clusterer, the same for each count. The clusterer's own
+        ``random_state`` takes precedence if it is set.
 
     Attributes
     ----------
@@ -445,15 +449,15 @@ class SelfTuningModelSelector(CountSelector):
     candidate_labels_ : ndarray of int, shape (n_counts, n)
         The partition of each count.
     best_index_ : int
-        Position of the chosen count.
+        Index of the chosen count.
     clusterer_ : estimator
         The one fitted with the chosen count.
     cost_names_ : (str, str)
-        What the two terms of the costs are.
+        Names of the two terms of the costs.
     cost_weights_ : (float, float)
         Their weights in the total.
     cost_tolerance_ : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     n_features_in_ : int
 
     See Also
@@ -462,8 +466,8 @@ class SelfTuningModelSelector(CountSelector):
 
     Notes
     -----
-    This is how self-tuning spectral clustering chooses the number of groups. Its other
-    half, a local scale for distances, has no part here: affinities come as they are.
+    This is how self-tuning spectral clustering selects the number of groups. Its local
+    scaling of distances is not used, because affinities are given.
 
     References
     ----------

@@ -141,7 +141,7 @@ def make_motion_pipeline(
     n_jobs: int | None = None,
     random_state: int | np.random.RandomState | None = None,
 ) -> Pipeline:
-    """Make the paper's method as a plain scikit-learn pipeline.
+    """Build the paper's method as a plain scikit-learn pipeline.
 
     Parameters
     ----------

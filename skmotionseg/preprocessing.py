@@ -17,14 +17,14 @@ from ._core.geometry.tracks import unpack_tracks
 
 
 def select_long_tracks(X: npt.ArrayLike, min_length: int = 5) -> npt.NDArray[np.bool_]:
-    """Keep tracks that are seen in enough frames.
+    """Select tracks that are seen in enough frames.
 
     Parameters
     ----------
     X : array-like of shape (n_tracks, 2 * n_frames)
         Tracks in pixels; NaN where unseen.
     min_length : int, default=5
-        Frames.
+        Minimum number of frames in which a track is seen.
 
     Returns
     -------
@@ -57,16 +57,16 @@ def select_balanced_tracks(
     *,
     random_state: int | np.random.RandomState | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Thin the largest group, such as the background, and keep the others whole.
+    """Subsample the largest group, such as the background, and keep all others.
 
     Parameters
     ----------
     labels : array-like of int, shape (n_tracks,)
         Group of each track; -1 for none, which is kept.
     share : float, default=0.1
-        How much of the largest group to keep: at least one track.
+        Share of the largest group to keep; at least one track is kept.
     random_state : int, RandomState instance or None, default=None
-        Draws the tracks to keep.
+        Determines which tracks are kept.
 
     Returns
     -------
@@ -104,14 +104,14 @@ def select_balanced_tracks(
 def select_inliers(
     X: npt.ArrayLike, labels: npt.ArrayLike, *, whisker: float = 7.0
 ) -> npt.NDArray[np.bool_]:
-    """Keep tracks that obey the epipolar geometry of their motion all along.
+    """Select tracks that are inliers of the epipolar geometry of their motion.
 
-    In each two consecutive frames, a fundamental matrix is fitted robustly to the
-    tracks of a motion. A track is as bad as its squared Sampson error is in the mean
-    of the frame pairs it is seen in, and is dropped if that exceeds
-    ``Q3 + whisker * IQR`` of its motion, with the third quartile and the range between
-    quartiles (Xu, Cheong and Li 2021, sec. 4.2.1, with robust least squares in
-    place of RANSAC).
+    A fundamental matrix is fitted robustly to the tracks of each motion in each two
+    consecutive frames. The error of a track is its mean squared Sampson error over the
+    frame pairs in which it is seen. It is an outlier if its error exceeds
+    ``Q3 + whisker * IQR`` of its motion, with the third quartile and the interquartile
+    range (Xu, Cheong and Li 2021, sec. 4.2.1, with robust least squares instead of
+    RANSAC).
 
     Parameters
     ----------
@@ -120,14 +120,13 @@ def select_inliers(
     labels : array-like of int, shape (n_tracks,)
         Motion of each track; -1 for none.
     whisker : float, default=7
-        Ranges between quartiles above the third that a track may reach.
+        Factor of the interquartile range.
 
     Returns
     -------
     ndarray of bool, shape (n_tracks,)
-        True for the tracks to keep. False for those of no motion; True for those
-        that are never seen together with seven others of their motion, against whom
-        nothing speaks.
+        True for inliers. False for tracks of no motion; True for tracks that are never
+        seen together with seven others of their motion, which cannot be tested.
 
     Raises
     ------
@@ -136,8 +135,8 @@ def select_inliers(
 
     Notes
     -----
-    A planar motion leaves its fundamental matrix two freedoms, which a few outliers
-    can take: they stay.
+    The fundamental matrix of a planar motion has two free parameters, which may fit a
+    few outliers: these are not found.
 
     Examples
     --------

@@ -29,9 +29,9 @@ class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
 
     In each pair of frames ``(f, f + frame_gap)``, minimal sets of the tracks seen in
     both are drawn at random and a model is fitted to each by the direct linear
-    transform. Degenerate sets (three collinear points for a homography, say) are drawn
-    again. :meth:`transform` gives the squared Sampson error of each track to each
-    hypothesis.
+    transform. Degenerate sets (such as three collinear points for a homography) are
+    drawn again. :meth:`transform` returns the squared Sampson error of each track for
+    each hypothesis.
 
     Parameters
     ----------
@@ -41,9 +41,9 @@ default="homography"
     n_hypotheses : int, default=500
         Hypotheses per frame pair.
     frame_gap : int, default=1
-        Frames between the two of a pair.
+        Distance between the two frames of a pair, in frames.
     random_state : int, RandomState instance or None, default=None
-        Drives the drawing of minimal sets, in :meth:`fit` only.
+        Determines the minimal sets, which are drawn in :meth:`fit` only.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ default="homography"
 
     See Also
     --------
-    ORKKernel : Turns the residuals into affinities.
+    ORKKernel : Computes affinities from the residuals.
 
     References
     ----------

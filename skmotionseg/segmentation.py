@@ -1,4 +1,4 @@
-"""From tracks to motions: the estimator that most people use."""
+"""The main estimator: tracks in, motion labels out."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ SEARCH_RESTARTS = 8
 
 
 class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
-    """Say which tracks of a moving camera move together.
+    """Segment the tracks of a moving camera by their motion.
 
-    For each motion model, hypotheses are drawn in all frame pairs, tracks that prefer
-    the same ones get a high affinity, and the affinities of all models are clustered
-    together: several times, and for each number of motions that is possible. Of all
-    these partitions one is taken that describes the motion of the tracks in few words
-    and cuts few affinities. Where the clip is long enough, its tracks are then assigned
-    again by rigid motion over windows of several frames, which finds motions that frame
-    pairs miss.
+    For each motion model, hypotheses are drawn in all frame pairs, and tracks that
+    prefer the same hypotheses get a high affinity. The affinities of all models are
+    clustered several times, for each possible number of motions. Among these
+    partitions, the one of lowest cost is chosen, which is a weighted sum of the
+    description length of the tracks and the normalised cut of the affinities. If the
+    clip is long enough, tracks are then reassigned by rigid motion over windows of
+    several frames, which finds motions that frame pairs miss.
 
     Parameters
     ----------
@@ -68,68 +68,67 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
         Number of motions, the static scene being one.
     models : sequence of str or MotionModel, \
 default=("affine", "homography", "fundamental")
-        Motion models to combine, by name or as :class:`MotionModel`; their order does
-        not matter.
+        Motion models to combine, by name or as :class:`MotionModel`, in any order.
     n_hypotheses : int, default=500
         Hypotheses per frame pair and model.
     frame_gap : int, default=1
-        Frames between the two of a pair, for the hypotheses. (Description lengths are
-        measured at gaps of one and four frames.)
+        Distance between the two frames of a pair, in frames, for the hypotheses.
+        (Description lengths are computed at distances of one and four frames.)
     kernel : ORKKernel or None, default=None
-        How residuals become affinities. None is ``ORKKernel()``. Its
-        ``sparsity="auto"`` is 4 and 8 for ``selection="description_length"``, which
+        Kernel that computes affinities from residuals. ``None`` means ``ORKKernel()``.
+        Its ``sparsity="auto"`` is 4 and 8 for ``selection="description_length"``, which
         tries both, and 6 otherwise.
     fusion : {"kernel_addition", "coreg", "subset"} or callable, \
 default="kernel_addition"
-        How the models are joined (see :class:`MultiModelSpectralClustering`).
+        How the models are fused (see :class:`MultiModelSpectralClustering`).
     lam, gamma : float, default=1e-2
         Weights of the fusions "coreg" and "subset".
     selection : {"description_length", "ncre", "eigengap", "self_tuning"} or \
 estimator, default="description_length"
-        How the partition is chosen. "description_length" tries several, with 8 restarts
-        of k-means each, and takes the one that describes the tracks best by a
-        fundamental matrix per motion and frame pair and cuts the graph little; then, in
-        clips of three frames and forty tracks or more, the one of lower cost by rigid
-        motion over windows of up to six frames, of as many motions or more. The
-        others choose the number of motions by the graph alone: "ncre", as the paper, by
-        normalised cut and reconstruction error (see :class:`NCREModelSelector`);
+        How the partition is chosen. "description_length" generates several candidates,
+        with 8 initialisations of k-means each, and chooses the one with the lowest sum
+        of its description length, by a fundamental matrix per motion and frame pair,
+        and its weighted normalised cut. In clips of at least three frames and forty
+        tracks, it may then be replaced by a partition into as many or more motions that
+        has a lower cost by rigid motion over windows of up to six frames. The other
+        rules select the number of motions by the graph alone: "ncre", the paper's rule,
+        by normalised cut and reconstruction error (see :class:`NCREModelSelector`);
         "eigengap" and "self_tuning", with which the paper compares it, by eigenvalues
         (:class:`EigengapModelSelector`) and by eigenvectors
-        (:class:`SelfTuningModelSelector`, which does not take 1). An estimator gets the
-        affinities of all models side by side, ``(n, n_models * n)``, and sets
-        ``labels_``; if ``n_motions`` is given, it is set as its ``n_clusters``, if it
-        has such a parameter. An estimator has its own fusion, ``delta`` and range of
-        counts.
+        (:class:`SelfTuningModelSelector`, which never selects 1). An estimator is
+        fitted to the affinities of all models side by side, ``(n, n_models * n)``, and
+        sets ``labels_``. If ``n_motions`` is given and the estimator has a parameter
+        ``n_clusters``, it is set to ``n_motions``. An estimator has its own fusion,
+        ``delta`` and range of counts.
     delta : float, default=0.2
         Weight of the reconstruction error, for ``selection="ncre"`` (see
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
-        Numbers to choose from when ``n_motions="auto"``.
+        Range of the number of motions if ``n_motions="auto"``.
     reject_outliers : bool, default=True
-        Whether a track that is an inlier of no motion gets -1, for
+        Whether tracks that are inliers of no motion are labelled -1, for
         ``selection="description_length"``; the other rules keep all tracks. Motions are
-        fitted to those of their tracks that they explain best. Their inliers are within
-        six standard deviations of their noise (a fifth of a pixel in 640 x 480, if it
-        is less).
+        fitted robustly. Their inliers have residuals within six standard deviations of
+        the noise of the motion, which is at least a fifth of a pixel in an image of
+        640 x 480.
     n_landmarks : int, "auto" or None, default="auto"
-        Tracks that are fitted; all others are placed by :meth:`predict`. "auto" fits
-        all tracks up to 1,200 (3,000 where most are seen in few of the frames), and
-        above that 600 (1,500): as many from each of 30 over-segments into which a first
-        look at tracks from all places and frames has cut the video, so that a small
-        thing is not outvoted.
-        None fits all, whatever memory that takes: with the square of their number.
+        Number of tracks that are fitted; all others are labelled as by :meth:`predict`.
+        "auto" fits all tracks if there are at most 1,200 (3,000 if most are seen in few
+        of the frames), and otherwise 600 (1,500), the same number from each of 30
+        over-segments of the video, so that small motions are represented. ``None`` fits
+        all tracks; memory then grows with the square of their number.
     memory : str, joblib.Memory or None, default=None
-        Caches the affinities of each model, so that fitting the same tracks with
-        another ``n_motions``, ``models``, ``fusion``, ``lam``, ``gamma`` or ``delta``
-        does not compute them again. Needs an integer ``random_state``, and warns where
-        there is none.
+        Caches the affinities of each model, so that they are not computed again when
+        the same tracks are fitted with another ``n_motions``, ``models``, ``fusion``,
+        ``lam``, ``gamma`` or ``delta``. Requires an integer ``random_state``; otherwise
+        there is a warning.
     n_jobs : int or None, default=None
-        Number of models to fit, and of batches of tracks to place, in parallel.
+        Number of models to fit, and of batches of tracks to label, in parallel.
         ``None`` means 1 unless in a :obj:`joblib.parallel_backend` context. ``-1``
         means using all processors. See :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
-        Drives hypotheses and k-means. A model's hypotheses do not depend on which
-        other models there are.
+        Determines the hypotheses and the initialisations of k-means. The hypotheses of
+        a model do not depend on the other models.
 
     Attributes
     ----------
@@ -137,21 +136,22 @@ estimator, default="description_length"
         ``0..n_motions_ - 1``, the largest motion first; -1 for a track that belongs to
         no motion.
     label_reasons_ : ndarray of str, shape (n_tracks,)
-        Why: "assigned"; or, of the tracks labelled -1, "outlier", where no motion has
-        the track as an inlier, "too short", where no frame pair sees it (as when it is
-        seen in a single frame), and "isolated", where it shares no preference with
-        another track.
+        Reason for each label: "assigned"; or, for tracks labelled -1, "outlier" if the
+        track is an inlier of no motion, "too short" if it is seen in no frame pair (for
+        example, in a single frame), and "isolated" if it shares no preferred hypothesis
+        with another track.
     probabilities_ : ndarray of shape (n_tracks,)
-        How sure each label is, from 0 to 1: the share of a track's affinity that is to
-        tracks of its own motion; 0 for -1. On KT3DMoSeg the tenth of the tracks that
-        are least sure holds four fifths of a clip's errors.
+        Confidence of each label, from 0 to 1: the share of a track's affinity to other
+        tracks that goes to tracks of its own motion, averaged over the models; 0 for
+        tracks labelled -1. It is not a calibrated probability. On KT3DMoSeg, the tenth
+        of the tracks with the lowest values contains four fifths of a clip's errors.
     n_motions_ : int
     background_ : int
         The label of the static scene: the motion whose tracks take most of the margin
         of the image and span it, however many they are; -1 if no track has a motion.
         The image is what the tracks cover.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
-        Frames, by their number, to which the motions were fitted in the end.
+        Frame pairs to which the motions were finally fitted.
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
         Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
         in the first and y in the second frame, of unit norm. NaN where fewer than
@@ -167,37 +167,40 @@ estimator, default="description_length"
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each, two terms, such as the share of the links that go to other motions and
-        the nats per track, and the weighted total. The count of the lowest total is
-        taken, but by description length only if each two motions gain from being apart.
+        For each number, two terms, such as the share of the links that go to other
+        motions and the nats per track, and their weighted sum. The number with the
+        lowest sum is chosen; with ``selection="description_length"``, only if each two
+        of its motions gain from being separate.
     cost_names_ : (str, str)
-        What the two terms are.
+        Names of the two terms.
     cost_weights_ : (float, float)
         Their weights in the total.
     cost_tolerance_ : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     candidate_labels_ : ndarray of int, shape (n_counts, n_tracks)
-        For each, the best partition.
+        The best partition for each number.
     best_index_ : int
-        Position of the chosen count.
+        Index of the chosen count.
     gainless_pairs_ : ndarray of int, shape (n_counts, 2)
-        For each, two motions of its partition that gain too little from being apart, if
-        it was passed over for that; else -1.
+        For each number, two motions of its partition that gain too little from being
+        separate, if it was rejected for this reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
-        For each, the log odds that the two least different motions of its partition are
-        two and not one. NaN where nobody asked: for the fewest motions, for a given
-        number, and where fundamental matrices of frame pairs judge (of two images, of
-        fewer than 40 tracks, of tracks seen in fewer than three frames of a window).
+        For each number, the log odds that the two most similar motions of its partition
+        are two and not one. NaN where they are not computed: for the fewest motions,
+        for a given number, and where partitions are compared by fundamental matrices of
+        frame pairs (two images, fewer than 40 tracks, or tracks seen in fewer than
+        three frames of a window).
     count_probabilities_ : ndarray of shape (n_counts,)
-        How likely each number of motions is, from ``log_odds_``; they sum to 1. NaN
-        where frame pairs judge.
+        Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
+        where frame pairs are used.
     landmarks_ : ndarray of int, shape (n_landmarks,)
-        The tracks that were fitted, by their position.
+        Indices of the tracks that were fitted.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
-        The estimators of each model, fitted on the landmarks, in the frames that see
-        any track.
+        The estimators of each model, fitted to the landmarks in the frames in which any
+        track is seen.
     selector_ : estimator or None
-        The one that was fitted to the affinities, if ``selection`` is of that kind.
+        The selector that was fitted to the affinities, unless ``selection`` is
+        "description_length".
     stage_seconds_ : dict
         Seconds for the choice of "landmarks", for "hypotheses" and "kernel" (summed
         over the models, whether or not they ran at the same time, and as first computed
@@ -208,14 +211,14 @@ estimator, default="description_length"
 
     See Also
     --------
-    make_motion_pipeline : The same as a plain pipeline, to sweep every step.
+    make_motion_pipeline : The paper's method as a plain pipeline.
 
     Notes
     -----
-    Tracks that are never seen together, not even through others, cannot be told to
-    move alike: unless ``n_motions`` forbids it, they end up in motions of their own.
+    Groups of tracks that are never seen together, not even through other tracks, are
+    assigned to different motions, unless ``n_motions`` forbids it.
 
-    In a grid search, give ``scoring``, such as
+    In a grid search, set ``scoring``, for example to
     ``make_scorer(misclassification_error, greater_is_better=False)``.
 
     References
@@ -329,8 +332,8 @@ estimator, default="description_length"
         Raises
         ------
         ValueError
-            If there are fewer tracks in each frame pair than a model needs, or fewer
-            than ``n_motions`` that share a preference with another.
+            If every frame pair has fewer tracks than a model needs, or fewer than
+            ``n_motions`` tracks share a preferred hypothesis with another.
         """
         models = check_models(self.models)
         check_fusion(self.fusion)
@@ -519,10 +522,10 @@ estimator, default="description_length"
 
     @single_threaded
     def predict(self, X: npt.ArrayLike) -> npt.NDArray[np.intp]:
-        """Place tracks of the same video, fitted or not, in the motions found.
+        """Predict the motions of tracks of the same video.
 
-        A track that was fitted has its label. Any other goes where the fitted tracks of
-        most affinity to it are.
+        A track that was fitted gets its label in ``labels_``. Any other track gets the
+        label of the fitted tracks with the highest affinity to it.
 
         Parameters
         ----------
@@ -531,8 +534,8 @@ estimator, default="description_length"
         Returns
         -------
         ndarray of int, shape (m,)
-            -1 for a track that no motion has as an inlier, or that shares no preference
-            with a fitted one.
+            -1 for a track that is an inlier of no motion, or shares no preferred
+            hypothesis with a fitted track.
         """
         check_is_fitted(self)
         points, visibility = self._read_tracks(X, reset=False)
@@ -550,11 +553,12 @@ estimator, default="description_length"
 
     @single_threaded
     def report(self, X: npt.ArrayLike) -> SegmentationReport:
-        """Say what was found, and why.
+        """Report what was found, and why.
 
-        For each motion, how many tracks it has, the simplest motion model that explains
-        it and how far its tracks are from this model; for each number of motions that
-        was tried, what it costs and why it was taken or not.
+        For each motion, the report gives the number of its tracks, the simplest motion
+        model that explains it and the residuals of its tracks. For each number of
+        motions that was tried, it gives the costs and the reason why it was chosen or
+        not.
 
         Parameters
         ----------
@@ -564,20 +568,20 @@ estimator, default="description_length"
         Returns
         -------
         SegmentationReport
-            Printed, it is a table.
+            Its string is a table.
 
         Raises
         ------
         NotFittedError, ValueError
-            If there was no fit, or one to another number of tracks.
+            If the segmenter is not fitted, or fitted to another number of tracks.
 
         Notes
         -----
         In each frame pair an affine map, a homography and a fundamental matrix are
-        fitted to the landmarks of a motion, robustly, and the model that describes them
-        in the fewest nats, its parameters included, explains the motion. A plane, a
-        distant thing, or all that is at rest before a camera that only turns, is
-        explained by a homography, or by an affine map if it is far or small.
+        fitted robustly to the landmarks of a motion. The model of lowest description
+        length, including its parameters, explains the motion. A plane, a distant
+        object, or the static scene of a camera that only turns is explained by a
+        homography, or by an affine map if it is distant or small.
 
         Examples
         --------

@@ -1,4 +1,4 @@
-"""Settings that serve a whole set of sequences."""
+"""Settings for a set of sequences."""
 
 from __future__ import annotations
 
@@ -26,28 +26,27 @@ from .metrics import misclassification_error
 
 
 class PerSequence(BaseEstimator):
-    """One setting for many sequences: each sample is a whole sequence.
+    """Segment many sequences with one setting: each sample is a whole sequence.
 
     Wraps an estimator of one sequence so that :class:`~sklearn.model_selection.\
-GridSearchCV` can look for the parameters that segment a *set* of sequences best. Tracks
-    of different sequences have nothing in common, so nothing is carried from one to
-    another: :meth:`fit` only takes note of its input, and :meth:`predict` segments each
-    sequence by itself with a clone of the estimator.
+GridSearchCV` can search the parameters with the lowest error over a *set* of sequences.
+    Sequences are independent: :meth:`fit` only checks its input, and :meth:`predict`
+    segments each sequence separately with a clone of the estimator.
 
     Parameters
     ----------
     estimator : estimator
-        With ``fit_predict``, such as :class:`MotionSegmenter`. Give it an integer
-        ``random_state`` for the same result every time.
+        Estimator with ``fit_predict``, such as :class:`MotionSegmenter`. Set its
+        ``random_state`` to an integer for reproducible results.
     n_jobs : int or None, default=None
-        Number of sequences to segment in parallel, wherever ``joblib.parallel_config``
-        says: on a Dask cluster, for instance. ``None`` means 1 unless in a
-        :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
-        :term:`Glossary <n_jobs>` for more details.
+        Number of sequences to segment in parallel, on the backend that
+        ``joblib.parallel_config`` selects, such as a Dask cluster. ``None`` means 1
+        unless in a :obj:`joblib.parallel_backend` context. ``-1`` means using all
+        processors. See :term:`Glossary <n_jobs>` for more details.
     memory : str, joblib.Memory or None, default=None
-        Keeps the labels of each sequence and setting, so that a search that was
-        interrupted goes on, when it is run again, with the first that is not there.
-        Needs an integer ``random_state`` in the estimator.
+        Caches the labels of each sequence and setting, so that a search that was
+        interrupted continues when it is run again. Requires an integer ``random_state``
+        in the estimator.
 
     Attributes
     ----------
@@ -94,7 +93,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         X: Sequence[npt.ArrayLike],
         y: Sequence[npt.ArrayLike] | None = None,
     ) -> Self:
-        """Take note of the sequences.
+        """Check the sequences.
 
         Parameters
         ----------
@@ -168,8 +167,8 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         Raises
         ------
         Exception
-            What the estimator raises, or dask when every worker died that tried, with
-            a note that says which sequence it was (0 is the first).
+            An error of the estimator, or of Dask if all workers failed, with a note
+            that names the sequence (0 is the first).
         """
         check_is_fitted(self)
         _refuse_scorers_of_tracks()
@@ -189,7 +188,7 @@ GridSearchCV` can look for the parameters that segment a *set* of sequences best
         ----------
         X : list of array-like, each of shape (n_tracks, 2 * n_frames)
         y : list of array-like of int, each of shape (n_tracks,)
-            True labels; tracks of label -1 are not judged.
+            True labels; tracks of label -1 are ignored.
 
         Returns
         -------

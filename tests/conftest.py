@@ -34,6 +34,7 @@ SLOW = {
     "test_landmarks",
     "test_missing_data",
     "test_outliers",
+    "test_paper",
     "test_plotting",
     "test_properties",
     "test_real_data",

@@ -2,9 +2,9 @@
 A first segmentation
 ====================
 
-Tracks go in, a motion for each comes out. The scene is synthetic: a camera that drives
-and turns, before static surroundings and two things that move by themselves, one of
-them flat. A quarter of the entries is unseen, and each coordinate is half a pixel off.
+Tracks in, a motion label for each out. The scene is synthetic: a camera that moves and
+turns, a static background and two objects that move independently, one of them planar.
+A quarter of the entries is missing, and the noise is half a pixel.
 """
 
 import matplotlib.pyplot as plt
@@ -18,8 +18,8 @@ X, y = make_rigid_motions(n_tracks=300, n_frames=12, random_state=0)
 print(f"{len(X)} tracks, {X.shape[1] // 2} frames")
 
 # %%
-# Nothing need be said of how many motions there are. ``random_state`` makes the result
-# the same each time: the method draws at random.
+# The number of motions is not given. ``random_state`` makes the result reproducible, as
+# hypotheses are drawn at random.
 
 segmenter = MotionSegmenter(random_state=0).fit(X)
 print(f"{segmenter.n_motions_} motions")
@@ -27,7 +27,7 @@ print(f"misclassified: {misclassification_error(y, segmenter.labels_):.1%}")
 
 # %%
 # Label 0 is the largest motion, here the static scene. Each line below is a track
-# between two frames, the dot its end.
+# between two frames, with a dot at its end.
 
 figure, axes = plt.subplots(2, 1, figsize=(7, 8), layout="constrained")
 plot_motions(X, y, ax=axes[0], title="true motions")

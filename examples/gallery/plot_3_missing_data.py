@@ -2,9 +2,9 @@
 Tracks that come and go
 =======================
 
-A track need not be seen in all frames: where it is not, its two columns are NaN. In
-:func:`~skmotionseg.pack_tracks` a mask of what was seen does the same. Here up to 70 %
-of all entries are missing.
+Tracks may be missing in some frames, where their two columns are NaN.
+:func:`~skmotionseg.pack_tracks` also takes a mask of the visible points. Here, up to
+70 % of all entries are missing.
 """
 
 import matplotlib.pyplot as plt
@@ -23,10 +23,11 @@ for i, missing in enumerate(shares):
         errors[i, seed] = misclassification_error(y, labels)
 
 # %%
-# Tracks are compared by the frame pairs that see both. The fewer they share, the less
-# their affinity counts. At the left is what was seen of the last scene: tracks of its
-# beginning and of its end are never seen together, and few others lead from the ones to
-# the others. Then nothing says that they move alike, and the error at the right grows.
+# Tracks are compared in the frame pairs in which both are seen. The fewer there are,
+# the lower their affinity. The left panel shows which entries of the last scene are
+# seen: tracks at its beginning and at its end are never seen together, and few others
+# connect them. Then there is no evidence that they move alike, and the error in the
+# right panel increases.
 
 seen = np.isfinite(X[:, ::2])
 order = np.lexsort((seen.argmax(axis=1), y))

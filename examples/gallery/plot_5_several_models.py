@@ -1,12 +1,12 @@
 """
-Several motion models, and doing without one
-============================================
+Subsets of the motion models
+============================
 
-A homography explains a plane or a turning camera, a fundamental matrix whatever is
-rigid, but also more than it should; an affine map is simplest and steadiest. Which of
-them suits a scene is not known beforehand, so their affinities are joined.
-:func:`~skmotionseg.make_motion_pipeline` gives every model a view in a plain
-:class:`~sklearn.pipeline.Pipeline`, and ``"drop"`` takes one out.
+A homography explains a plane or a rotating camera. A fundamental matrix explains any
+rigid motion, but sometimes more than one; an affine map is the simplest and most stable
+model. As it is not known beforehand which of them suits a scene, their affinities are
+fused. :func:`~skmotionseg.make_motion_pipeline` has a view per model in a plain
+:class:`~sklearn.pipeline.Pipeline`, and ``affinity__models`` selects a subset.
 """
 
 import tempfile
@@ -39,8 +39,8 @@ with tempfile.TemporaryDirectory() as memory:
             errors[i, j] = misclassification_error(y, pipeline.fit_predict(X))
 
 # %%
-# A dot is a scene, a bar the mean. Homographies alone fail in one scene, fundamental
-# matrices alone in others; what they are joined with makes up for it.
+# Each dot is a scene, each bar a mean. Homographies alone fail in one scene,
+# fundamental matrices alone in others; their combinations are better.
 
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 names = ["+".join(subset) for subset in subsets]

@@ -2,9 +2,9 @@
 One setting for many sequences
 ==============================
 
-Within a sequence, labels may be compared but not learned from. Over a set of sequences
-whose labels are known, a setting may be: :class:`~skmotionseg.PerSequence` makes whole
-sequences the samples of :class:`~sklearn.model_selection.GridSearchCV`.
+Segmentation is unsupervised within a sequence, but its parameters can be tuned on a set
+of sequences with known labels: with :class:`~skmotionseg.PerSequence`, the samples of
+:class:`~sklearn.model_selection.GridSearchCV` are whole sequences.
 """
 
 import matplotlib.pyplot as plt
@@ -20,8 +20,8 @@ scenes = [
 sequences, labels = [X for X, y in scenes], [y for X, y in scenes]
 
 # %%
-# The segmenter is told the number of motions and how to select a partition; the search
-# looks for the sparsity of the affinities and for the fusion of the models.
+# The number of motions is known here; the search is over the sparsity of the affinities
+# and the fusion of the models.
 
 segmenter = MotionSegmenter(
     4, n_hypotheses=200, kernel=ORKKernel(), selection="ncre", random_state=0
@@ -37,8 +37,8 @@ search = GridSearchCV(
 print(f"best: {search.best_params_}, error {1 - search.best_score_:.1%}")
 
 # %%
-# The score is one minus the mean misclassification error. A bar is a standard deviation
-# over the folds.
+# The score is one minus the mean misclassification error. Error bars are standard
+# deviations over the folds.
 
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 results = search.cv_results_

@@ -2,9 +2,9 @@
 New tracks of the same video
 ============================
 
-``predict`` places tracks of the same video that were not there in ``fit``: dense tracks
-after sparse ones, or those that a tracker adds later. A new track goes to the motion of
-the fitted tracks that prefer the same hypotheses as it does.
+``predict`` labels tracks of the same video that were not passed to ``fit``, such as
+dense tracks after sparse ones, or tracks that a tracker adds later. A new track gets
+the label of the fitted tracks that prefer the same hypotheses.
 """
 
 import matplotlib.pyplot as plt
@@ -32,9 +32,9 @@ print(
 )
 
 # %%
-# Both have the same numbers for the same motions.
+# Both have the same labels for the same motions.
 
 figure, axes = plt.subplots(2, 1, figsize=(7, 8), layout="constrained")
 plot_motions(X[fitted], segmenter.labels_, ax=axes[0], title="fitted")
-plot_motions(X[~fitted], placed, ax=axes[1], title="placed by predict")
+plot_motions(X[~fitted], placed, ax=axes[1], title="labelled by predict")
 plt.show()

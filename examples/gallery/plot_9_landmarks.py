@@ -2,10 +2,10 @@
 Many tracks
 ===========
 
-Affinities are square in the number of tracks, so that memory and time would be, too.
-Where there are many tracks, :class:`~skmotionseg.MotionSegmenter` fits some of them,
-the landmarks, and places the others as ``predict`` does. ``n_landmarks`` says how many.
-By default the number of tracks decides, and few tracks are all fitted.
+The affinity matrix is quadratic in the number of tracks, and so would be memory and
+time. If there are many tracks, :class:`~skmotionseg.MotionSegmenter` fits some of them,
+the landmarks, and labels the others as ``predict`` does. ``n_landmarks`` sets their
+number. By default it depends on the number of tracks, and few tracks are all fitted.
 """
 
 import matplotlib.pyplot as plt
@@ -22,8 +22,8 @@ print(f"{segmenter.n_motions_} motions (true: {len(np.unique(y))})")
 print(f"misclassified: {misclassification_error(y, segmenter.labels_):.1%}")
 
 # %%
-# Landmarks are drawn from all parts of the scene alike, so that those of a small motion
-# are not outvoted.
+# Landmarks are drawn evenly from all parts of the scene, so that small motions are
+# represented.
 
 print("motion   tracks   landmarks")
 for motion in range(4):
@@ -31,8 +31,8 @@ for motion in range(4):
     print(f"{motion:6d} {np.sum(y == motion):8d} {n_landmarks:11d}")
 
 # %%
-# How few are enough? Those of the smallest motion must suffice to tell that it is one:
-# with too few, it is put into another.
+# How many are necessary? With too few landmarks, the smallest motion has too few of
+# them, and is merged with another.
 
 scenes = [make_rigid_motions(2000, 10, 4, random_state=seed) for seed in range(3)]
 numbers = [50, 100, 200, 400]

@@ -13,11 +13,22 @@ from .._utils.writing import replacing_path
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 
-def count(text):
-    number = int(text)
+def count(text, or_else=""):
+    """A whole number of 1 or more, of a command line."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
     if number < 1:
-        raise argparse.ArgumentTypeError(f"expected 1 or more; got {text}")
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number, 1 or more{or_else}; got {text!r}"
+        )
     return number
+
+
+def progress_console():
+    """A console on standard error, which leaves standard output to what is found."""
+    return require("rich.console", extra="cli").Console(stderr=True)
 
 
 def pyplot():

@@ -11,6 +11,7 @@ from .._utils.writing import check_output
 from .console import (
     PICTURES,
     facts_table,
+    progress_console,
     pyplot,
     save_figure,
     stage_facts,
@@ -49,7 +50,7 @@ def _demo(arguments):
     from ..segmentation import MotionSegmenter
 
     X, y = make_rigid_motions(random_state=arguments.seed)
-    with console.status("segmenting ..."):
+    with progress_console().status("segmenting ..."):
         segmenter = MotionSegmenter(random_state=arguments.seed).fit(X)
     error = misclassification_error(y, segmenter.labels_)
     console.print(

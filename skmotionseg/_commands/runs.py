@@ -123,6 +123,44 @@ def run(sequences, methods, seeds, n_jobs, journal=None):
             yield from batches
 
 
+def run_in_parallel(jobs, measure, n_jobs, journal=None):
+    """Yield runs and their records, as they finish.
+
+    Parameters
+    ----------
+    jobs : list of (str, dict, tuple)
+        What to say of it if it fails; the run, which is what its result depends on; and
+        the arguments of ``measure``.
+    measure : callable
+        Gives a list of dicts.
+    n_jobs : int or None
+    journal : Journal, optional
+        Runs that are in it are not done again; others are added as each ends.
+
+    Yields
+    ------
+    (dict, list of dict)
+        The run, and what was measured.
+    """
+    known = {} if journal is None else journal.read()
+    waiting = []
+    for name, run, arguments in jobs:
+        if run_key(run) in known:
+            yield run, known[run_key(run)]["records"]
+        else:
+            waiting.append(Task(name, _measure_run, run, measure, arguments, journal))
+    parallel = Parallel(n_jobs=n_jobs, return_as="generator_unordered")
+    with closing(parallel(delayed(task)() for task in waiting)) as finished:
+        yield from finished
+
+
+def _measure_run(run, measure, arguments, journal):
+    records = measure(*arguments)
+    if journal is not None:
+        journal.append(run, {"records": records})
+    return run, records
+
+
 def describe_run(dataset, sequence, method, seed):
     """What the result of a run depends on, as JSON can hold it."""
     params = MotionSegmenter(**METHODS[method]).get_params()
@@ -138,7 +176,7 @@ def describe_run(dataset, sequence, method, seed):
         },
         "tracks": digest_of(sequence),
         "version": __version__,
-        "code": _digest_of_code(),
+        "code": code_digest(),
     }
 
 
@@ -153,7 +191,7 @@ def digest_of(sequence):
 
 
 @cache
-def _digest_of_code():
+def code_digest():
     """A name for this package as it is, which a version is not while it is written."""
     digest = hashlib.blake2b(digest_size=16)
     for path in sorted(PACKAGE.rglob("*.py")):

@@ -22,6 +22,7 @@ from .console import (
     PICTURES,
     count,
     facts_table,
+    progress_console,
     pyplot,
     reporting,
     save_figure,
@@ -29,30 +30,25 @@ from .console import (
     track_facts,
 )
 from .mask_files import add_mask_options, check_mask_options, write_masks
+from .method_options import (
+    add_method_options,
+    check_method_options,
+    file_options,
+    method_parameters,
+)
 
 LABEL_ENDINGS = (".npz", ".csv")
 
 
-def _motions(text):
-    return text if text == "auto" else count(text)
-
-
 OPTIONS: dict[str, dict[str, Any]] = {
-    "--motions": {
-        "type": _motions,
-        "default": "auto",
-        "help": "number of motions, or auto (default: auto)",
-    },
-    "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
-    "--jobs": {
-        "type": int,
-        "default": -1,
-        "help": "parallel jobs; -1 is all processors (default: -1)",
-    },
     "--out": {
         "type": Path,
         "help": "write the labels: .npz, with the tracks; or .csv, for videos with one "
         "row per observation",
+    },
+    "--confidence": {
+        "action": "store_true",
+        "help": "write with each label how sure it is, from 0 to 1",
     },
     "--split-dir": {
         "type": Path,
@@ -97,13 +93,14 @@ def add_segment(commands):
     segment = commands.add_parser(
         "segment",
         help="segment a track file or a video",
-        description="Segment the tracks of a .npz, .mat, .csv or .dat file, or track "
-        "and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames (.png, "
-        ".jpg).",
+        description="Segment the tracks of a .npz, .npy, .mat, .csv or .dat file, or "
+        "track and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames "
+        "(.png, .jpg).",
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     for name, options in OPTIONS.items():
         segment.add_argument(name, **options)
+    add_method_options(segment)
     videos = segment.add_argument_group("videos")
     for name, options in VIDEO_OPTIONS.items():
         videos.add_argument(name, **options)
@@ -121,22 +118,26 @@ def _segment(arguments):
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
     check_output(arguments.report, PICTURES)
     check_mask_options(arguments, video)
+    check_method_options(arguments, video)
+    if arguments.confidence and arguments.out is None:
+        raise ValueError("--confidence is written with the labels: say --out FILE")
     console = require("rich.console", extra="cli").Console()
+    progress = progress_console()
     read = _track_video if video else _load_tracks
-    sequence = read(arguments, console)
-    with console.status("segmenting ..."):
-        segmenter = MotionSegmenter(
-            arguments.motions, n_jobs=arguments.jobs, random_state=arguments.seed
-        ).fit(sequence.data)
+    sequence = read(arguments, progress)
+    with progress.status("segmenting ..."):
+        segmenter = MotionSegmenter(**method_parameters(arguments))
+        segmenter.fit(sequence.data)
     labels = segmenter.labels_
     if video:
-        _write_pictures(arguments, sequence, segmenter, console)
+        _write_pictures(arguments, sequence, segmenter, progress)
     elif arguments.render is not None:
         _draw_tracks(arguments, sequence, labels)
     if arguments.report is not None:
         _draw_report(arguments, sequence, segmenter)
     if arguments.out is not None:
-        _write_labels(arguments.out, sequence, labels)
+        sure = segmenter.probabilities_ if arguments.confidence else None
+        _write_labels(arguments.out, sequence, labels, sure)
     _print_findings(console, arguments, sequence, segmenter)
     if arguments.split_dir is not None:
         files = save_motions(
@@ -148,7 +149,7 @@ def _segment(arguments):
 def _load_tracks(arguments, console):
     from ..datasets import load_tracks
 
-    sequence = load_tracks(arguments.file)
+    sequence = load_tracks(arguments.file, **file_options(arguments))
     return Bunch(
         **{"track_ids": np.arange(len(sequence.data)), **sequence, "video": {}}
     )
@@ -285,31 +286,37 @@ def _count_table(report):
 # ---------------------------------------------------------------------------- writing
 
 
-def _write_labels(path, sequence, labels):
+def _write_labels(path, sequence, labels, probabilities=None):
     with replacing(path) as file:
         if path.suffix.lower() == ".npz":
+            sure = {} if probabilities is None else {"probabilities": probabilities}
             np.savez_compressed(
                 file,
                 X=sequence.data,
                 labels=labels,
                 track_ids=sequence.track_ids,
+                **sure,
                 **sequence.video,
             )
-        elif sequence.video:  # nobody else has these tracks
+            return
+        header, form = "track,label", "%.15g,%d"
+        columns = [sequence.track_ids, labels]
+        if sequence.video:  # nobody else has these tracks
             header, form = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
-            table = _observations(sequence, labels)
-            np.savetxt(file, table, fmt=form, header=header, comments="")
-        else:
-            table = np.column_stack([sequence.track_ids, labels])
-            np.savetxt(file, table, fmt="%.15g,%d", header="track,label", comments="")
+            track, columns = _observations(sequence, labels)
+        if probabilities is not None:
+            header, form = f"{header},probability", f"{form},%.3f"
+            columns.append(probabilities[track] if sequence.video else probabilities)
+        table = np.column_stack(columns)
+        np.savetxt(file, table, fmt=form, header=header, comments="")
 
 
 def _observations(sequence, labels):
-    """Rows (track, frame, x, y, label), one for each time that a track is seen."""
+    """The track, and track, frame, x, y and label, each time that a track is seen."""
     points, visibility = unpack_tracks(sequence.data)
     track, frame = np.nonzero(visibility)
     names = sequence.track_ids[track]
-    return np.column_stack([names, frame, points[track, frame], labels[track]])
+    return track, [names, frame, *points[track, frame].T, labels[track]]
 
 
 def _draw_tracks(arguments, sequence, labels):

@@ -20,11 +20,11 @@ OUTLIER_COLOUR = "#b0b0b0"
 # Curves and bars on white, which have no background among them: the same colours,
 # without the quiet one.
 SERIES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e6ac00", "#56b4e9", "#222222")
-# matplotlib's names of colour maps whose lightness alone tells the order: what is much
-# is dark.
-AFFINITY_MAP = "Greys"
+# matplotlib's names of colour maps whose lightness alone tells the order: high
+# affinities are bright, high errors dark.
+AFFINITY_MAP = "magma"
 ERROR_MAP = "cividis_r"
-OUTLINE_COLOUR = "#d55e00"
+OUTLINE_COLOUR = "#56b4e9"
 
 
 def motion_colour(label):

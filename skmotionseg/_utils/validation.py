@@ -41,15 +41,17 @@ class TracksInput:
             If ``X`` is not a dense real matrix, has an odd number of columns or
             fewer than four, or holds infinities.
         """
+        _check_packed(X)
         if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
             X = np.ma.filled(X.astype(float), np.nan)  # masked is unseen
         X = read_matrix(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )
         if X.shape[1] % 2 or X.shape[1] < 4:
+            one_frame = ", which is one frame" if X.shape[1] == 2 else ""
             raise ValueError(
                 "tracks need two columns per frame and at least two frames; "
-                f"got {X.shape[1]} columns"
+                f"got {X.shape[1]} columns{one_frame}"
             )
         return unpack_tracks(X)
 
@@ -57,6 +59,21 @@ class TracksInput:
         tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.allow_nan = True
         return tags
+
+
+def _check_packed(X):
+    """Refuse points that were not packed, and tracks of which there are none."""
+    shape: tuple[int, ...] = getattr(X, "shape", ())
+    if len(shape) in (3, 4):
+        kind = "(n_tracks, n_frames, 2)" if len(shape) == 3 else "one video in a batch"
+        layout = "" if len(shape) == 3 else ", layout=..."
+        raise ValueError(
+            "X must be a matrix (n_tracks, 2 * n_frames); got an array of shape "
+            f"{tuple(shape)}: points of {kind} go in as "
+            f"pack_tracks(points, visibility{layout})"
+        )
+    if len(shape) == 2 and shape[0] == 0 and shape[1] > 0:
+        raise ValueError(f"there are no tracks: X has 0 samples, shape={tuple(shape)}")
 
 
 def as_memory(memory):

@@ -27,6 +27,10 @@ _LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` per sequence.
     FileNotFoundError
         If there is no such file in the folder.
 
+    Notes
+    -----
+    The data are not part of this package. {published}
+
     References
     ----------
     .. [1] {reference}
@@ -51,14 +55,25 @@ def _read_folder(folder, pattern, suffix):
 
 
 def _loader(
-    name: str, title: str, pattern: str, suffix: str, layout: str, reference: str
+    name: str,
+    title: str,
+    pattern: str,
+    suffix: str,
+    layout: str,
+    reference: str,
+    published: str,
 ) -> Callable[[str | os.PathLike[str]], list[Bunch]]:
     def load(folder: str | os.PathLike[str]) -> list[Bunch]:
         return _read_folder(folder, pattern, suffix)
 
     load.__name__ = load.__qualname__ = name
     load.__doc__ = _LOADER_DOC.format(
-        name=name, title=title, layout=layout, reference=reference, pattern=pattern
+        name=name,
+        title=title,
+        layout=layout,
+        reference=reference,
+        pattern=pattern,
+        published=published,
     )
     return load
 
@@ -71,6 +86,8 @@ load_kt3dmoseg = _loader(
     "``NAME_Tracks.mat``",
     'X. Xu, L.-F. Cheong and Z. Li, "Motion Segmentation by Exploiting Complementary\n'
     '       Geometric Models", CVPR 2018.',
+    "Their authors publish them at\n"
+    "    https://alex-xun-xu.github.io/ProjectPage/KT3DMoSeg/index.html",
 )
 load_mtpv62 = _loader(
     "load_mtpv62",
@@ -80,6 +97,7 @@ load_mtpv62 = _loader(
     "``NAME_Tracks.mat``",
     'Z. Li, J. Guo, L.-F. Cheong and S. Z. Zhou, "Perspective Motion Segmentation via\n'
     '       Collaborative Clustering", ICCV 2013.',
+    "Their authors publish them with\n    the paper.",
 )
 load_hopkins12 = _loader(
     "load_hopkins12",
@@ -89,6 +107,7 @@ load_hopkins12 = _loader(
     "``NAME_Tracks.mat``",
     'S. Rao, R. Tron, R. Vidal and Y. Ma, "Motion Segmentation in the Presence of\n'
     '       Outlying, Incomplete, or Corrupted Trajectories", IEEE TPAMI 32(10), 2010.',
+    "They are among the data at\n    http://www.vision.jhu.edu/data/",
 )
 load_hopkins155 = _loader(
     "load_hopkins155",
@@ -99,4 +118,5 @@ load_hopkins155 = _loader(
     'R. Tron and R. Vidal, "A Benchmark for the Comparison of 3-D Motion Segmentation\n'
     '       Algorithms", CVPR 2007.\n'
     "       https://doi.org/10.1109/CVPR.2007.382974",
+    "Their authors publish them at\n    http://www.vision.jhu.edu/data/hopkins155/",
 )

@@ -15,14 +15,23 @@ from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._mat5 import read_mat5
 from ._moseg import read_moseg_tracks
 from ._sizes import check_table, whole_numbers
-from ._trackers import read_npz
+from ._trackers import in_pixels, read_npz, warn_if_normalized
 
 KINDS = {
-    ".npz": "an archive of numpy.savez",
+    ".npz": "an archive of numpy.savez with points or X",
+    ".npy": "an array of numpy.save, points or X",
     ".mat": "a MATLAB file of version 5 or 7",
-    ".csv": "numbers with commas between them",
+    ".csv": "one row per track, or columns track,frame,x,y",
     ".dat": "the text that MoSeg writes",
 }
+# Which options a kind of file takes.
+OPTIONS = {
+    ".npz": ("layout", "image_size", "visible_above"),
+    ".npy": ("layout", "image_size"),
+    ".csv": ("image_size",),
+}
+INDEX_NAMES = ("", "unnamed: 0", "index", "track", "track_id", "id")
+LABEL_NAMES = ("label", "labels", "target")
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
 
@@ -52,22 +61,29 @@ def load_tracks(
           image's size, with ``occluded`` (n_tracks, n_frames) and ``video``
           (n_frames, height, width, 3), of which the shape alone is read.
 
-        All with or without the batch axis of one video. ``tracks`` with ``visibility``
-        come in either order of axes, which ``layout`` must tell.
+        All with or without the batch axis of one video. ``tracks`` (1, n_frames,
+        n_tracks, 2) with ``visibility`` are taken as CoTracker's; without the batch
+        axis they come in either order of axes, which ``layout`` must tell.
+
+        ``.npy``: one array, ``X`` (n_tracks, 2 * n_frames) or points (n_tracks,
+        n_frames, 2), NaN where unseen.
 
         ``.mat``: a benchmark's file, with a struct ``Data`` (KT3DMoSeg, MTPV62,
         Hopkins12) or with ``y`` and ``s`` (Hopkins155).
 
         ``.csv``: with a header ``track,frame,x,y`` (and ``label``, if known), one row
-        per observation, frames counted from any number; or without a header, one row
-        per track and two columns per frame, empty where unseen.
+        per observation, frames counted from any number; or one row per track and two
+        columns per frame, empty where unseen, with or without a header. Under a header,
+        a first column that holds the index, as pandas writes it, becomes
+        ``track_ids``, and a column ``label`` becomes ``target``.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
-        Order of the axes in a .npz file, where its names do not tell it or tell it
-        wrong.
+        Order of the axes in a .npz or .npy file, where its names do not tell it or
+        tell it wrong.
     image_size : (int, int), optional
-        Width and height of the video, to make pixels of shares in a .npz file.
+        Width and height of the video, to make pixels of shares of them, in a .npz,
+        .npy or .csv file.
     visible_above : float, optional
         What probabilities of being visible count as seen, in a .npz file.
 
@@ -78,7 +94,8 @@ def load_tracks(
         (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
         without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
         thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
-        observations gives ``track_ids``, what it calls each row; a .dat gives
+        observations or with an index gives ``track_ids``, the name of each row; a .dat
+        gives
         ``track_labels``, the motions that its writer found.
 
     Raises
@@ -88,6 +105,11 @@ def load_tracks(
     ValueError
         If the file is not one of these. Pickles, as of PyTorch and TAP-Vid, are not
         read: loading one runs what code it holds.
+
+    Warns
+    -----
+    UserWarning
+        If all coordinates are at most 2, so that they cannot be pixels.
 
     Examples
     --------
@@ -106,12 +128,14 @@ def load_tracks(
     read = _reader(path, layout, image_size, visible_above)
     try:
         fields = read(path)
-        _check_fields(fields)
+        size = fields.pop("image_size", None)
+        _check_fields(fields, size if image_size is None else image_size)
     except Exception as error:  # whatever a reader meets in a broken file
         raise ValueError(
             f"{path} is not a track file: {_in_words(error)} (expected "
             f"{KINDS[path.suffix.lower()]})"
         ) from error
+    warn_if_normalized(fields["data"], path.name)
     return Bunch(**{"target": None, "name": path.stem, **fields})
 
 
@@ -131,7 +155,13 @@ def _reader(path, layout, image_size, visible_above):
         "visible_above": visible_above,
     }
     readers = {
-        ".npz": partial(read_npz, **options),
+        ".npz": partial(
+            read_npz,
+            layout=layout,
+            visible_above=visible_above,
+            size_known=image_size is not None,
+        ),
+        ".npy": partial(_read_npy, layout=layout),
         ".mat": _read_mat,
         ".csv": _read_csv,
         ".dat": read_moseg_tracks,
@@ -145,23 +175,42 @@ def _reader(path, layout, image_size, visible_above):
         )
     if ending not in readers:
         raise ValueError(
-            f"track files end in .npz, .mat or .csv; got {path.name!r} (the .dat of "
-            "MoSeg is read, too)"
+            f"track files end in .npz, .npy, .mat or .csv; got {path.name!r} (the .dat "
+            "of MoSeg is read, too)"
         )
-    given = [name for name, value in options.items() if value is not None]
-    if given and ending != ".npz":
-        raise ValueError(f"{', '.join(given)} is for .npz files; got {path.name!r}")
+    for name, value in options.items():
+        if value is not None and name not in OPTIONS.get(ending, ()):
+            kinds = " and ".join(kind for kind in OPTIONS if name in OPTIONS[kind])
+            raise ValueError(f"{name} is for {kinds} files; got {path.name!r}")
     return readers[ending]
 
 
-def _check_fields(fields):
-    """Raise unless there are finite tracks and, if any, a label for each."""
+def _check_fields(fields, image_size):
+    """Raise unless there are finite tracks and, if any, a label for each.
+
+    Tracks that are shares of an image's size, if one is given, become pixels.
+    """
     fields["data"] = pack_tracks(unpack_tracks(fields["data"])[0])
+    if image_size is not None:
+        fields["data"] = in_pixels(fields["data"], image_size)
     labels = fields.get("target")
     if labels is not None and labels.shape != (len(fields["data"]),):
         raise ValueError(
             f"{len(fields['data'])} tracks need as many labels; got {labels.shape}"
         )
+
+
+def _read_npy(path, layout):
+    with path.open("rb") as file:
+        start = file.read(len(np.lib.format.MAGIC_PREFIX))
+    if start.startswith(b"PK"):
+        raise ValueError("it is an archive: call it .npz")
+    if start != np.lib.format.MAGIC_PREFIX:
+        raise ValueError("it does not start as numpy.save writes")
+    array = np.load(path, mmap_mode="r", allow_pickle=False)
+    if array.ndim == 2 and layout is None:
+        return {"data": array}
+    return {"data": pack_tracks(array, layout=layout)}
 
 
 def _read_mat(path):
@@ -223,7 +272,53 @@ def _read_csv(path):
         raise ValueError(f"rows differ in length: {sorted(widths)}")
     if observations:
         return _read_observations(header, rows[1:], path.stat().st_size)
-    return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
+    return _read_wide(header, rows)
+
+
+def _read_wide(header, rows):
+    """Tracks from one row per track."""
+    if not _is_header(header):
+        return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
+    if len(rows) == 1:
+        raise ValueError("there are no tracks under its header")
+    table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
+    fields = {}
+    columns = list(range(len(header)))
+    for i in [i for i in columns if header[i] in LABEL_NAMES][:1]:
+        fields["target"] = whole_numbers(table[:, i], f"the column {header[i]!r}")
+        columns.remove(i)
+    if len(columns) % 2 and header[columns[0]] in INDEX_NAMES:
+        fields["track_ids"] = table[:, columns.pop(0)]
+    _check_order([header[i] for i in columns])
+    return {"data": table[:, columns], **fields}
+
+
+def _is_header(cells):
+    """Whether cells are names, or count the columns from 0, as pandas does."""
+    numbers = [cell for cell in cells if cell and _is_number(cell)]
+    if numbers != [str(i) for i in range(len(numbers))]:
+        return False
+    named = len(numbers) < len([cell for cell in cells if cell])
+    return named or (len(numbers) > 3 and all(cells[1:]))
+
+
+def _check_order(names):
+    """Refuse columns that are named x and y, but in another order than ours."""
+    initials = "".join(name[:1] for name in names)
+    is_even = len(names) % 2 == 0
+    if is_even and set(initials) == {"x", "y"} and initials != "xy" * (len(names) // 2):
+        raise ValueError(
+            "columns must be x and y of the first frame, x and y of the second, and "
+            f"so on; got {', '.join(names[:4])}, ..."
+        )
+
+
+def _is_number(cell):
+    try:
+        _number(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _read_observations(header, rows, file_size):

@@ -642,7 +642,7 @@ def scene_families(n_frames: int | None = None) -> tuple[str, ...]:
     Parameters
     ----------
     n_frames : int, optional
-        Only families that have scenes of so many frames.
+        Only families that have scenes of this number of frames.
 
     Returns
     -------

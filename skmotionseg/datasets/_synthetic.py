@@ -29,11 +29,11 @@ def make_rigid_motions(
     outliers: float = 0.0,
     random_state: int | np.random.RandomState | None = None,
 ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.intp]]:
-    """Tracks of rigid things that move before a moving perspective camera.
+    """Generate tracks of rigid objects seen by a moving perspective camera.
 
-    The first motion is the static background, five to forty metres away; the others
-    are objects of two to three metres, six to fourteen metres away, each with a
-    velocity and a spin of its own. Each motion has half the tracks of the one before.
+    The first motion is the static background, at five to forty metres; the others are
+    objects of two to three metres, at six to fourteen metres, each with its own
+    velocity and rotation. Each motion has half as many tracks as the one before.
 
     Parameters
     ----------
@@ -48,13 +48,13 @@ def make_rigid_motions(
     camera : {"general", "rotation", "still"}, default="general"
         "general" turns and drives mostly forward.
     missing : float, default=0.25
-        Share of entries unseen, in [0, 0.9]. A track starts late or ends early but
-        has two frames at least, so no more than ``1 - 2 / n_frames`` is unseen. Image
-        borders hide nothing.
+        Share of missing entries, in [0, 0.9]. A track starts late or ends early but is
+        seen in at least two frames, so at most ``1 - 2 / n_frames`` are missing. Points
+        outside of the image are not hidden.
     noise : float, default=0.5
         Standard deviation of each coordinate, in pixels.
     outliers : float, default=0.0
-        Share of tracks that wander at random, in [0, 1).
+        Share of tracks that move at random, in [0, 1).
     random_state : int, RandomState instance or None, default=None
 
     Returns

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from scipy.special import expit
 
@@ -11,9 +13,11 @@ from ._sizes import whole_numbers
 
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
+# Fewer tracks than a fundamental matrix needs may be anything.
+FEWEST_TO_WARN = 8
 
 
-def read_npz(path, *, layout=None, image_size=None, visible_above=None):
+def read_npz(path, *, layout=None, visible_above=None, size_known=False):
     """Tracks, and labels if any, of a .npz file.
 
     Parameters
@@ -21,13 +25,15 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
     path : Path
     layout, visible_above
         As of :func:`pack_tracks`; None takes the layout that the names imply.
-    image_size : (int, int) or None
-        Width and height in pixels, if coordinates are shares of them.
+    size_known : bool
+        Whether the caller knows the size of the image, which is then not looked for.
 
     Returns
     -------
     dict
-        ``data`` (n_tracks, 2 * n_frames) and ``target`` (n_tracks,) or None.
+        ``data`` (n_tracks, 2 * n_frames), ``target`` (n_tracks,) or None, and
+        ``image_size``, width and height of the video where the file tells them and the
+        points are shares of them, or None.
 
     Raises
     ------
@@ -44,14 +50,13 @@ def read_npz(path, *, layout=None, image_size=None, visible_above=None):
             data = pack_tracks(
                 arrays[name], visibility, layout=layout, visible_above=visible_above
             )
-        if image_size is None and {"points", "occluded"} <= set(arrays):
+        image_size = None
+        if not size_known and {"points", "occluded"} <= set(arrays):
             image_size = _tap_vid_size(data, arrays)
-        if image_size is not None:
-            data = _in_pixels(data, image_size)
         labels = None
         if "labels" in arrays:
             labels = whole_numbers(arrays["labels"], "labels")
-    return {"data": data, "target": labels}
+    return {"data": data, "target": labels, "image_size": image_size}
 
 
 def _real(arrays, name):
@@ -83,12 +88,36 @@ def _implied_layout(name, arrays):
     if {"visibles", "occluded", "occlusion"} & set(arrays):
         return "tracks_first"
     if name == "tracks":
-        raise ValueError(
-            f"'tracks' of shape {arrays[name].shape}, in a file of {sorted(arrays)}, "
-            'may have tracks or frames first: say layout="tracks_first" or '
-            'layout="frames_first"'
-        )
+        return _batch_layout(arrays)
     return None
+
+
+def _batch_layout(arrays):
+    """The order of axes of "tracks" with "visibility".
+
+    With the batch axis they are as CoTracker gives them, frames first, and must look
+    like that: a track moves over less of the image than all tracks of a frame cover.
+    """
+    shape = arrays.shape("tracks")
+    if len(shape) == 4 and shape[0] == 1 and shape[-1] == 2 and "visibility" in arrays:
+        of_frame, of_track = _spread(arrays["tracks"][0])
+        if of_track <= of_frame:
+            return "frames_first"
+    raise ValueError(
+        f"'tracks' of shape {shape}, in a file of {sorted(arrays)}, may have tracks or "
+        'frames first: say layout="tracks_first" or layout="frames_first" (--layout of '
+        "the command)"
+    )
+
+
+def _spread(points):
+    """Median standard deviations along the second axis, and along the first."""
+    if points.dtype.kind not in "fiub" or not points.size:
+        return 0.0, 0.0
+    points = np.where(np.isfinite(points), points, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where all are unseen
+        return tuple(np.nanmedian(np.nanstd(points, axis=axis)) for axis in (1, 0))
 
 
 def _visibility(arrays, visible_above):
@@ -127,7 +156,28 @@ def _largest(data):
     return np.nanmax(np.abs(data), initial=0)
 
 
-def _in_pixels(data, image_size):
+def warn_if_normalized(data, name):
+    """Warn where tracks cannot be in pixels."""
+    largest = _largest(data)
+    if len(data) < FEWEST_TO_WARN or not 0 < largest <= LARGEST_SHARE:
+        return
+    warnings.warn(
+        f"all coordinates in {name} are between -{largest:.3g} and {largest:.3g}, so "
+        "they are not pixels, and residuals are not in pixels either: if they are "
+        "shares of the image's size, say image_size=(width, height) (--image-size "
+        "WIDTH HEIGHT of the command)",
+        stacklevel=3,
+    )
+
+
+def in_pixels(data, image_size):
+    """Tracks in pixels, of tracks in shares of the image's width and height.
+
+    Raises
+    ------
+    ValueError
+        If the size is not two positive numbers, or the tracks are no shares.
+    """
     size = np.asarray(image_size)
     good = size.shape == (2,) and size.dtype.kind in "fiu"
     if not good or not ((size > 0) & (size < np.inf)).all():

@@ -27,11 +27,11 @@ from ._drawing import (
 if TYPE_CHECKING:
     pass
 
-# Inches a matrix, and matrices a row where there is one view.
+# Inches per matrix, and matrices per row where there is one view.
 PANEL, COLUMNS = 2.3, 4
 # Share of the affinities between different tracks that the colours tell apart; those
-# above are all black.
-DARKEST = 0.9
+# above are all of the brightest colour.
+BRIGHTEST = 0.9
 
 
 class AffinityDisplay:
@@ -39,8 +39,8 @@ class AffinityDisplay:
 
     A partition reconstructs an affinity ``K`` by ``X X^T``, one within motions and
     zero between them, scaled to the norm of ``K``. Where the two look alike, the
-    partition describes the data. Make it by :meth:`from_estimator` or
-    :meth:`from_predictions`.
+    partition describes the data. High affinities are bright. Make it by
+    :meth:`from_estimator` or :meth:`from_predictions`.
 
     Parameters
     ----------
@@ -79,8 +79,8 @@ class AffinityDisplay:
     >>> block = np.kron(np.eye(2), np.ones((3, 3)))
     >>> one, two = np.zeros(6, int), np.repeat([0, 1], 3)
     >>> display = AffinityDisplay.from_predictions([block], [one, two], labels=two)
-    >>> [axes.get_title() for axes in display.axes_[0]]
-    ['view 0', '1 motion: error 0.59', '2 motions: error 0.00']
+    >>> [axes.get_title().replace("\\n", ", ") for axes in display.axes_[0][1:]]
+    ['1 motion, reconstruction error 0.59', '2 motions, reconstruction error 0.00']
     """
 
     def __init__(
@@ -187,15 +187,15 @@ class AffinityDisplay:
         return display.plot(axes=axes, colorbar=colorbar)
 
     def plot(self, *, axes: Any = None, colorbar: bool = True) -> Self:
-        """Draw a row of matrices a view: the affinity, then its reconstructions.
+        """Draw a row of matrices per view: the affinity, then its reconstructions.
 
         Parameters
         ----------
         axes : array-like of matplotlib axes, optional
-            One a matrix, view after view. By default those of a new figure; a single
+            One per matrix, view after view. By default those of a new figure; a single
             view is broken into rows of four.
         colorbar : bool, default=True
-            One a view.
+            One per view.
 
         Returns
         -------
@@ -221,7 +221,7 @@ class AffinityDisplay:
         for row, (view, name) in enumerate(zip(views, names, strict=True)):
             matrices = [view, *(reconstruction(view, p) for p in partitions)]
             titles = [name, *(_title(view, p) for p in partitions)]
-            darkest = _darkest(matrices)
+            brightest = _brightest(matrices)
             for column, (matrix, title) in enumerate(
                 zip(matrices, titles, strict=True)
             ):
@@ -230,10 +230,10 @@ class AffinityDisplay:
                     matrix[np.ix_(self.order_, self.order_)],
                     cmap=AFFINITY_MAP,
                     vmin=0,
-                    vmax=darkest,
+                    vmax=brightest,
                     interpolation="nearest",
                 )
-                ax.set_title(title, fontsize="medium")
+                ax.set_title(title, fontsize="small")
                 ax.set(xticks=[], yticks=[])
                 self._outline(ax, np.bincount(labels[labels >= 0]))
             if colorbar:
@@ -313,14 +313,15 @@ def reconstruction(
 
 def _title(view, partition):
     error = reconstruction_error(view, partition)
-    return f"{counted(count_motions(partition), 'motion')}: error {abs(error):.2f}"
+    motions = counted(count_motions(partition), "motion")
+    return f"{motions}\nreconstruction error {abs(error):.2f}"
 
 
-def _darkest(matrices):
-    """The affinity drawn black: nearly the largest, and above all reconstructions."""
+def _brightest(matrices):
+    """The affinity drawn brightest: nearly the largest, and all reconstructions'."""
     affinity, *reconstructed = matrices
     positive = affinity[(affinity > 0) & ~np.eye(len(affinity), dtype=bool)]
-    largest = np.quantile(positive, DARKEST) if positive.size else 1.0
+    largest = np.quantile(positive, BRIGHTEST) if positive.size else 1.0
     return max(largest, *(m.max() for m in reconstructed), 0)
 
 
@@ -345,7 +346,7 @@ def _new_axes(shape):
     figure, axes = plt.subplots(
         n_rows,
         n_columns,
-        figsize=(PANEL * n_columns + 0.9, (PANEL + 0.3) * n_rows),
+        figsize=(PANEL * n_columns + 0.9, (PANEL + 0.45) * n_rows),
         squeeze=False,
         layout="constrained",
     )

@@ -35,7 +35,11 @@ def figure_and_ax(
 def legend_below(ax: Axes, n_columns: int) -> Any:
     """A legend under the axis label, as far from it on high axes as on low ones."""
     transforms = require("matplotlib.transforms", extra="plot")
-    down = transforms.ScaledTranslation(0, -34 / 72, ax.figure.dpi_scale_trans)
+    # Room for the tick labels and the axis label, in points, whatever their size.
+    tick_size: Any = ax.xaxis.get_major_ticks()[0].label1.get_fontsize()
+    label_size: Any = ax.xaxis.label.get_fontsize()
+    room = 10 + 1.2 * (tick_size + label_size)
+    down = transforms.ScaledTranslation(0, -room / 72, ax.figure.dpi_scale_trans)
     return ax.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, 0),

@@ -129,7 +129,7 @@ class SequenceErrorDisplay:
             With ``fit_predict``; clones of it are fitted.
         X : list of array-like, each of shape (n_tracks, 2 * n_frames)
         y : list of array-like of int, each of shape (n_tracks,)
-            True labels; tracks of label -1 are not judged.
+            True labels; tracks of label -1 are ignored.
         seeds : sequence of int, optional
             Values of ``random_state``, one after another; by default the estimator's.
         sequence_names : sequence of str, optional

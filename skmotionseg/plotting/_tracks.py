@@ -76,21 +76,17 @@ def plot_motions(
     labels = check_label_each(labels, len(points))
     first, second = frames if frames is not None else _shared_frames(visibility)
     shared = visibility[:, first] & visibility[:, second]
-    ax = plt.subplots(figsize=(6.4, 4))[1] if ax is None else ax
-    for label in np.unique(labels):
+    if ax is None:
+        ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
+    shown = np.unique(labels)
+    for label in shown:
         rows = shared & (labels == label)
         ends = points[rows, first], points[rows, second]
         _draw_between(ax, *ends, label, int((labels == label).sum()))
     ax.set(xlabel="x (pixels)", ylabel="y (pixels)", aspect="equal", title=title or "")
     if not ax.yaxis_inverted():
         ax.invert_yaxis()
-    ax.legend(
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.16),
-        ncols=4,
-        frameon=False,
-        fontsize="small",
-    )
+    legend_below(ax, min(4, len(shown)))
     return ax
 
 

@@ -60,9 +60,9 @@ def case(name, call, words, error=ValueError):
 
 BAD_TRACKS = {
     "odd width": (X[:, :7], ValueError, "two columns per frame .* got 7 columns"),
-    "one frame": (X[:, :2], ValueError, "at least two frames; got 2 columns"),
+    "one frame": (X[:, :2], ValueError, "got 2 columns, which is one frame"),
     "too few tracks": (X[:2], ValueError, "needs 3 tracks .* best frame pair has 2"),
-    "no tracks": (X[:0], ValueError, "0 sample"),
+    "no tracks": (X[:0], ValueError, r"no tracks: X has 0 samples, .*\(0, 8\)"),
     "nothing seen": (np.full_like(X, np.nan), ValueError, "best frame pair has 0"),
     "infinity": (changed(X, np.inf), ValueError, "infinity"),
     "minus infinity": (changed(X, -np.inf), ValueError, "infinity"),
@@ -70,7 +70,8 @@ BAD_TRACKS = {
     "text": ([["a", "b", "c", "d"]] * 9, ValueError, "could not convert string"),
     "complex": (X * 1j, ValueError, "Complex data not supported"),
     "sparse": (csr_array(X), TypeError, "[Ss]parse"),
-    "a cube": (X.reshape(20, 4, 2), ValueError, "dim 3"),
+    "points": (X.reshape(20, 4, 2), ValueError, r"pack_tracks\(points, visibility\)"),
+    "a batch": (X.reshape(1, 20, 4, 2), ValueError, r"pack_tracks\(.*, layout="),
     "one row": (X[0], ValueError, "1D array"),
 }
 
@@ -712,10 +713,11 @@ def test_a_file_for_which_there_is_no_memory(tmp_path, monkeypatch):
         load_tracks(tmp_path / "tracks.dat")
 
 
-@pytest.mark.parametrize("name", ["tracks.txt", "tracks", "tracks.npy"])
+@pytest.mark.parametrize("name", ["tracks.txt", "tracks", "tracks.tsv"])
 def test_an_unknown_ending_is_named(name, tmp_path):
     (tmp_path / name).write_text("0,0,1,1")
-    with pytest.raises(ValueError, match=f"end in .npz, .mat or .csv; got '{name}'"):
+    words = f"end in .npz, .npy, .mat or .csv; got '{name}'"
+    with pytest.raises(ValueError, match=words):
         load_tracks(tmp_path / name)
 
 

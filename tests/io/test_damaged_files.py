@@ -52,6 +52,7 @@ def write_track_files(folder):
         {"y": homogeneous_pixels(POINTS), "s": Y[:, None] + 1, "K": np.eye(3)},
         do_compression=True,
     )
+    np.save(folder / "rows.npy", X)
     np.savetxt(folder / "rows.csv", X, delimiter=",")
     (folder / "observations.csv").write_text(observations(X, Y, ids=range(30)))
     write_tracks(folder / "moseg.dat", X, Y)

@@ -331,11 +331,145 @@ def test_pickles_are_not_read(ending, tmp_path):
         load_tracks(path)
 
 
-def test_options_of_npz_are_of_npz(tmp_path):
+def test_options_are_of_the_kinds_of_files_that_take_them(tmp_path):
     path = tmp_path / "clip.csv"
     path.write_text("0,0,1,1\n")
-    with pytest.raises(ValueError, match=r"layout is for .npz files; got 'clip.csv'"):
+    words = r"layout is for .npz and .npy files; got 'clip.csv'"
+    with pytest.raises(ValueError, match=words):
         load_tracks(path, layout="frames_first")
+    with pytest.raises(ValueError, match=r"visible_above is for .npz files"):
+        load_tracks(path, visible_above=0.5)
+
+
+@pytest.fixture
+def tracked():
+    """A scene's tracks, as of a tracker: (points, visibility, X)."""
+    X, _ = make_rigid_motions(n_tracks=40, n_frames=6, random_state=0)
+    return *unpack_tracks(X), X
+
+
+def test_tracks_with_visibility_and_a_batch_axis_are_cotrackers(tracked, tmp_path):
+    points, visibility, X = tracked
+    path = tmp_path / "clip.npz"
+    arrays = {"tracks": points.swapaxes(0, 1)[None], "visibility": visibility.T[None]}
+    np.savez(path, **arrays)
+    assert_array_equal(load_tracks(path).data, X)
+
+
+def test_tracks_first_with_a_batch_axis_are_not_taken_for_cotrackers(tracked, tmp_path):
+    points, visibility, _ = tracked
+    path = tmp_path / "clip.npz"
+    np.savez(path, tracks=points[None], visibility=visibility[None])
+    with pytest.raises(ValueError, match="may have tracks or frames first"):
+        load_tracks(path)
+
+
+@pytest.mark.parametrize("form", ["packed", "points", "frames first", "one video"])
+def test_npy(tracks, tmp_path, form):
+    *_, X = tracks
+    points = X.reshape(5, 4, 2)
+    array, given = {
+        "packed": (X, {}),
+        "points": (points, {}),
+        "frames first": (points.swapaxes(0, 1), {"layout": "frames_first"}),
+        "one video": (points[None], {"layout": "tracks_first"}),
+    }[form]
+    path = tmp_path / "clip.npy"
+    np.save(path, array)
+    loaded = load_tracks(path, **given)
+    assert_array_equal(loaded.data, X)
+    assert loaded.data.flags.writeable
+
+
+def test_npy_that_is_something_else(tmp_path):
+    path = tmp_path / "clip.npy"
+    np.save(path, np.array([{}]), allow_pickle=True)
+    with pytest.raises(ValueError, match=r"clip.npy is not a track file"):
+        load_tracks(path)
+    with path.open("wb") as file:
+        np.savez(file, X=np.ones((3, 4)))
+    with pytest.raises(ValueError, match="it is an archive: call it"):
+        load_tracks(path)
+
+
+SHAPES = {
+    (5, 4, 3): "three numbers instead of x and y.*points\\[..., :2\\]",
+    (2, 5, 4): "x and y must be the last axis.*moveaxis\\(points, -3, -1\\)",
+    (5, 2, 4): "x and y must be the last axis.*moveaxis\\(points, -2, -1\\)",
+    (5, 8): "two columns per frame is packed already",
+    (3, 5, 4, 2): "a batch of 3 videos",
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+def test_shapes_say_what_is_wrong(shape, tmp_path):
+    path = tmp_path / "clip.npz"
+    np.savez(path, points=np.full(shape, 7.0))
+    with pytest.raises(ValueError, match=SHAPES[shape]):
+        load_tracks(path)
+
+
+def test_swapped_visibility_is_named(tracks, tmp_path):
+    points, visibility, _ = tracks
+    path = tmp_path / "clip.npz"
+    np.savez(path, points=points, visibility=visibility.T)
+    with pytest.raises(ValueError, match=r"frames first; pass visibility.T"):
+        load_tracks(path)
+
+
+@pytest.mark.parametrize("ending", ["npz", "npy", "csv"])
+def test_normalised_coordinates_are_noticed(tracked, tmp_path, ending):
+    *_, X = tracked
+    size = np.tile([1280, 720], X.shape[1] // 2)
+    path = tmp_path / f"clip.{ending}"
+    write = {
+        "npz": lambda: np.savez(path, X=X / size),
+        "npy": lambda: np.save(path, X / size),
+        "csv": lambda: np.savetxt(path, X / size, delimiter=","),
+    }
+    write[ending]()
+    words = r"all coordinates in clip.* not pixels.*--image-size WIDTH HEIGHT"
+    with pytest.warns(UserWarning, match=words):
+        load_tracks(path)
+    assert_allclose(load_tracks(path, image_size=(1280, 720)).data, X)
+
+
+@pytest.mark.parametrize("index", [True, False])
+@pytest.mark.parametrize("names", ["numbers", "x and y"])
+def test_csv_of_pandas(tracks, tmp_path, index, names):
+    pandas = pytest.importorskip("pandas")
+    *_, X = tracks
+    columns = [f"{axis}{frame}" for frame in range(4) for axis in "xy"]
+    table = pandas.DataFrame(X, columns=None if names == "numbers" else columns)
+    table.index += 100
+    path = tmp_path / "clip.csv"
+    table.to_csv(path, index=index)
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, X)
+    assert loaded.target is None
+    if index:
+        assert_array_equal(loaded.track_ids, 100 + np.arange(5))
+    table["label"] = LABELS
+    table.to_csv(path, index=index)
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, X)
+    assert_array_equal(loaded.target, LABELS)
+
+
+HEADERS = {
+    "x0,x1,y0,y1\n1,2,3,4\n": "x and y of the first frame.* got x0, x1, y0, y1",
+    "x0,y0,x1\n1,2,3\n": "two columns per frame; got 3 columns",
+    "x0,y0,x1,y1\n": "no tracks under its header",
+    "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
+}
+
+
+@pytest.mark.parametrize("text", HEADERS, ids=repr)
+def test_headers_that_do_not_fit(text, tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=HEADERS[text]):
+        load_tracks(path)
 
 
 def test_csv_of_a_row_a_track(tracks, tmp_path):

@@ -120,6 +120,18 @@ def test_motions_have_their_colours_and_those_of_none_are_hollow(small):
     assert to_hex(points[-1].get_edgecolor()[0]) == OUTLIER_COLOUR
 
 
+@pytest.mark.parametrize("height", [2, 4, 9])
+@pytest.mark.parametrize("size", [6, 10, 16])
+def test_the_legend_of_motions_covers_no_label(small, height, size):
+    X, y, _ = small
+    with plt.rc_context({"font.size": size}):
+        figure, ax = plt.subplots(figsize=(6, height), layout="constrained")
+        plotting.plot_motions(X, y, ax=ax)
+        figure.draw_without_rendering()
+        legend, label = ax.get_legend(), ax.xaxis.label
+        assert legend.get_window_extent().y1 < label.get_window_extent().y0
+
+
 def test_the_legend_counts_all_tracks(small):
     X, y, _ = small
     display = MotionDisplay.from_predictions(X, y)
@@ -217,7 +229,9 @@ def test_affinities_of_an_estimator_are_those_it_clustered(small, last):
         assert_allclose(image.get_array(), view[order], atol=1e-6)
     assert_array_equal(display.partitions, pipeline[-1].candidate_labels_[[0, 2]])
     error = reconstruction_error(stacked[:, :60], display.partitions[1])
-    assert display.axes_[0, 2].get_title() == f"3 motions: error {error:.2f}"
+    assert display.axes_[0, 2].get_title() == (
+        f"3 motions\nreconstruction error {error:.2f}"
+    )
 
 
 def test_affinities_of_landmarks_are_drawn_alone(small):

@@ -21,7 +21,7 @@ from benchmarks import (
     sensitivity,
     table,
 )
-from benchmarks.__main__ import _sections, main
+from benchmarks.__main__ import main, sections_of_speed
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry import description_length, epipolar
 from skmotionseg._core.partition import cost
@@ -184,7 +184,7 @@ def test_page_is_rewritten_between_its_marks(tmp_path):
         "before\n<!-- begin sequences -->\nold\n<!-- end sequences -->\nafter\n"
         "<!-- begin growth -->\n<!-- end growth -->\n"
     )
-    report.write_page(page, record, _sections(page))
+    report.write_page(page, record, sections_of_speed(page))
     written = page.read_text()
     assert written.startswith("before\n") and "\nafter\n" in written
     assert "old" not in written and "1.00" not in written

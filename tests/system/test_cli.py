@@ -209,6 +209,75 @@ def test_segment_chooses_the_count_by_default(run, scene_file):
     assert 1 <= int(facts(unasked)["motions found"]) <= 10
 
 
+def test_segment_passes_its_options_on(run, scene, scene_file, tmp_path):
+    out = tmp_path / "labels.npz"
+    options = ("--models", "homography,affine", "--selection", "ncre", "--seed", 4)
+    counts = ("--min-motions", 2, "--max-motions", 4, "--out", out)
+    code, _, errors = run("segment", scene_file, *options, *counts)
+    assert (code, errors) == (0, "")
+    segmenter = MotionSegmenter(
+        models=["affine", "homography"],
+        selection="ncre",
+        min_motions=2,
+        max_motions=4,
+        random_state=4,
+    )
+    assert_array_equal(load_tracks(out).target, segmenter.fit_predict(scene[0]))
+
+
+QUICK = ("--models", "homography", "--selection", "ncre", "--motions", 3)
+
+
+@pytest.mark.parametrize("ending", [".npz", ".csv"])
+def test_segment_writes_how_sure_it_is(run, scene, scene_file, tmp_path, ending):
+    out = tmp_path / f"labels{ending}"
+    code, _, _ = run("segment", scene_file, *QUICK, "--out", out, "--confidence")
+    assert code == 0
+    segmenter = MotionSegmenter(
+        3, models=["homography"], selection="ncre", random_state=0
+    )
+    expected = segmenter.fit(scene[0]).probabilities_
+    if ending == ".npz":
+        with np.load(out) as written:
+            assert_array_equal(written["probabilities"], expected)
+    else:
+        assert out.read_text().startswith("track,label,probability\n0,")
+        table = np.loadtxt(out, delimiter=",", skiprows=1)
+        np.testing.assert_allclose(table[:, 2], expected, atol=5e-4)
+
+
+@pytest.mark.parametrize("axes", ["CoTracker", "either", "npy", "shares"])
+def test_segment_is_told_how_a_file_is_laid_out(run, scene, tmp_path, axes):
+    points, seen = unpack_tracks(scene[0])
+    swapped = points.swapaxes(0, 1)
+    path, told = tmp_path / "clip.npz", ("--layout", "frames_first")
+    if axes == "CoTracker":
+        np.savez(path, tracks=swapped[None], visibility=seen.T[None])
+        told = ()
+    elif axes == "either":
+        probability = np.where(seen.T, 0.9, 0.6)
+        np.savez(path, tracks=swapped, visibility=probability)
+        told = (*told, "--visible-above", 0.8)
+    elif axes == "npy":
+        path = tmp_path / "clip.npy"
+        np.save(path, swapped)
+    else:
+        np.savez(path, points=points / [1280, 720])
+        told = ("--image-size", 1280, 720)
+    code, printed, errors = run("segment", path, *QUICK, *told)
+    assert (code, errors) == (0, "")
+    assert facts(printed)["tracks"] == "140"
+    assert facts(printed)["frames"] == "8"
+
+
+@pytest.mark.filterwarnings("always:all coordinates")
+def test_segment_says_that_coordinates_are_no_pixels(run, scene, tmp_path):
+    np.savez(tmp_path / "clip.npz", X=scene[0] / 1280)
+    code, _, errors = run("segment", tmp_path / "clip.npz", *QUICK)
+    assert code == 0
+    assert errors.startswith("skmotionseg: warning: all coordinates in clip.npz")
+
+
 # ------------------------------------------------------------------------------ bench
 
 
@@ -363,7 +432,8 @@ def test_bench_scores_regions(run, fbms, tmp_path):
     methods = ("--methods", "homography", "default", "--seeds", 2)
     bench = ("bench", "--data", fbms, "--jobs", 1, *methods, "--json", out)
     code, printed, errors = run(*bench, "--datasets", "FBMS59")
-    assert (code, errors) == (0, "")
+    assert code == 0
+    assert errors.endswith("2 sequences, 2 seeds: 4 of 4 done\n")
     for part in ("Trainingset", "Testset"):
         title = rf"FBMS59 {part}: 1 sequences, 2 seeds; number of motions unknown"
         assert len(re.findall(title, " ".join(printed.split()))) == 1
@@ -431,7 +501,7 @@ def test_the_papers_methods_are_the_papers():
 BENCH = "bench --seeds 1 --jobs 1 --methods affine --data"
 ERRORS = {
     "segment nowhere.npz": "no track file at nowhere.npz",
-    "segment {notes}": "track files end in .npz, .mat or .csv; got 'notes.txt'",
+    "segment {notes}": "track files end in .npz, .npy, .mat or .csv; got 'n",
     "segment {other}": "other.npz is not a track file: .*'points'",
     "segment {broken}": "broken.npz is not a track file",
     "segment {scene} --motions 999": "999 .* more than the .*140",
@@ -442,6 +512,12 @@ ERRORS = {
     "segment {scene} --report report.txt": "end in .* got report.txt",
     "segment {scene} --report nowhere/report.png": "nowhere",
     "segment {scene} --split-dir nowhere/motions": "nowhere",
+    "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
+    "segment {scene} --min-motions 3 --max-motions 2": "min_motions must not exceed",
+    "segment {scene} --models affine,affine": "models must differ",
+    "segment {scene} --confidence": "--confidence is written with the labels",
+    "segment {notes} --layout tracks_first": "track files end in",
+    "segment . --layout tracks_first": "--layout is for track files; . is a video",
     "demo --out nowhere/demo.png": "nowhere",
     "demo --out demo.txt": "end in .* got demo.txt",
     f"{BENCH} nowhere": "none of the folders Hopkins155, .* DAVIS16 is in nowhere",
@@ -495,11 +571,16 @@ def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
         ([], "the following arguments are required: COMMAND"),
         (["colour"], "invalid choice: 'colour'"),
         (["segment"], "the following arguments are required: INPUT"),
-        (["segment", "x.npz", "--motions", "0"], "--motions: expected 1 or more"),
-        (["segment", "x.npz", "--motions", "some"], "--motions: invalid"),
+        (["segment", "x.npz", "--motions", "0"], 'whole number, 1 or more, or "auto"'),
+        (["segment", "x.npz", "--motions", "some"], "or \"auto\"; got 'some'"),
+        (["segment", "x.npz", "--models", "flow"], "some of affine,homography,fund"),
+        (["segment", "x.npz", "--selection", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--datasets", "MNIST"], "invalid choice: 'MNIST'"),
-        (["bench", "--data", ".", "--seeds", "0"], "--seeds: expected 1 or more"),
+        (
+            ["bench", "--data", ".", "--seeds", "0"],
+            "expected a whole number, 1 or",
+        ),
         (["bench"], "the following arguments are required: --data"),
     ],
     ids=" ".join,

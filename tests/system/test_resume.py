@@ -181,7 +181,7 @@ def test_what_has_changed_is_run_again(data, tmp_path, counted, monkeypatch):
         patch.setattr(runs, "METHODS", {**runs.METHODS, "affine": {"n_hypotheses": 99}})
         assert cli.main(options) == 0
     assert len(counted) == n_runs / 2  # of the method that has changed
-    for name, value in (("__version__", "9"), ("_digest_of_code", lambda: "other")):
+    for name, value in (("__version__", "9"), ("code_digest", lambda: "other")):
         counted.clear()
         with monkeypatch.context() as patch:
             patch.setattr(runs, name, value)
@@ -207,7 +207,7 @@ def test_any_code_of_the_package_that_changes_is_noticed(tmp_path, monkeypatch):
     assert package == runs.PACKAGE
     copy = tmp_path / "skmotionseg"
     shutil.copytree(package, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    digest = runs._digest_of_code.__wrapped__  # which keeps nothing
+    digest = runs.code_digest.__wrapped__  # which keeps nothing
     as_it_is = digest()
     monkeypatch.setattr(runs, "PACKAGE", copy)
     assert digest() == as_it_is

@@ -32,17 +32,17 @@ RANK_ONE = 1e-14
 
 @dataclass(frozen=True)
 class MotionModel:
-    """A geometric motion model: how it is fitted, and how well tracks obey it.
+    """A geometric motion model: how it is fitted, and the residuals of tracks.
 
-    The built-in models have names ("affine", "homography", "fundamental"). A model of
-    one's own is an object of this class, which ``models=`` and ``model=`` take in the
-    place of a name. All functions work on stacks of arrays and never raise on
-    degenerate geometry.
+    The built-in models have names ("affine", "homography", "fundamental"). A custom
+    model is an instance of this class, which can be passed as ``models=`` and
+    ``model=`` instead of a name. All functions work on stacks of arrays and never raise
+    on degenerate geometry.
 
     Parameters
     ----------
     name : str
-        By which the model is told from others.
+        Unique name of the model.
     minimal_size : int
         Correspondences that determine one model. Models are ordered by it, from the
         simplest to the richest.
@@ -57,8 +57,8 @@ class MotionModel:
         ``M, S, T -> M'``: the model of the points ``(S x, T y)``, given that of
         ``(x, y)``; all are stacks of 3x3 matrices.
     from_translation : callable
-        ``(..., 2) -> (..., 3, 3)``: the model that moves all points by so much, for
-        frame pairs in which all minimal sets are degenerate.
+        ``(..., 2) -> (..., 3, 3)``: the model of a translation, for frame pairs in
+        which all minimal sets are degenerate.
 
     See Also
     --------
@@ -66,9 +66,10 @@ class MotionModel:
 
     Notes
     -----
-    Estimators are sent to other processes, and kept in ``memory``, together with their
-    models. Functions of a module can always be sent; those of a script or a notebook by
-    joblib's default engine and by Dask; to be kept, they must be of a module.
+    Estimators are sent to other processes, and cached in ``memory``, together with
+    their models. Functions of a module can always be sent; functions of a script or a
+    notebook with joblib's default backend and with Dask. To be cached, they must belong
+    to a module.
 
     Examples
     --------

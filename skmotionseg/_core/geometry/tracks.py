@@ -133,7 +133,9 @@ def _drop_batch(
     """Points of three axes, of the one video there is."""
     axes = AXES[layout or "tracks_first"][:-1] + ", 2)"
     if points.ndim not in (3, 4) or points.shape[-1] != 2:
-        raise ValueError(f"points must have shape {axes}; got {points.shape}")
+        raise ValueError(
+            f"points must have shape {axes}; got {points.shape}{_hint(points.shape)}"
+        )
     if points.ndim == 3:
         return points
     if len(points) != 1:
@@ -148,6 +150,25 @@ def _drop_batch(
             'layout="tracks_first" or layout="frames_first"'
         )
     return points[0]
+
+
+def _hint(shape: tuple[int, ...]) -> str:
+    """What is likely to be wrong with the shape of points, to end a message with."""
+    if len(shape) == 2 and shape[1] % 2 == 0:
+        return ": a matrix of two columns per frame is packed already"
+    if len(shape) not in (3, 4):
+        return ""
+    if shape[-1] == 3:
+        return (
+            ": the last axis holds three numbers instead of x and y; if they are "
+            "homogeneous coordinates or x, y and a confidence, pass points[..., :2]"
+        )
+    for axis in (-3, -2):
+        if shape[axis] in (2, 3):
+            return (
+                f": x and y must be the last axis, as np.moveaxis(points, {axis}, -1)"
+            )
+    return ""
 
 
 def _as_visibility(
@@ -191,7 +212,10 @@ def _fit_axes(
         f"visibility must have shape {AXES[layout]} = {shape}; got {visibility.shape}"
     )
     if inner.shape == shape[::-1]:
-        message += ": one has tracks first, the other frames first; swap axes of one"
+        message += (
+            ": one has tracks first, the other frames first; pass visibility.T if the "
+            "points are right"
+        )
     raise ValueError(message)
 
 

@@ -30,7 +30,7 @@ def cluster_connected(graph, n_clusters, fuse, n_init, random_state):
     fuse : callable
         ``(graph, n_clusters) -> Fusion``.
     n_init : int
-        Restarts of k-means.
+        Number of initialisations of k-means.
     random_state : numpy.random.RandomState
 
     Returns

@@ -71,7 +71,7 @@ def co_regularization(graph, n_clusters, *, lam, gamma=None, max_iter, tol):
         Weight of agreement.
     gamma : ignored
     max_iter : int
-        Sweeps over the views at most.
+        Maximum number of iterations over the views.
     tol : float
         Stop when a sweep lowers the cost by less than this share of ``n_clusters``.
 

@@ -63,11 +63,11 @@ class PartitionSearch:
         Of the two least different motions of each partition being two; NaN where the
         search does not say.
     cost_names : (str, str)
-        What the two terms of the costs are.
+        Names of the two terms of the costs.
     cost_weights : (float, float)
         Their weights in the total.
     cost_tolerance : float
-        Totals that differ by no more are equal.
+        Totals that differ by no more are considered equal.
     """
 
     counts: np.ndarray

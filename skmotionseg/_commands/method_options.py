@@ -1,0 +1,159 @@
+"""Options of ``skmotionseg segment`` on how files are read and motions looked for."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from .console import count
+
+LAYOUTS = ("tracks_first", "frames_first")
+SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
+MODELS = ("affine", "homography", "fundamental")
+
+
+def number_of_motions(text):
+    """A whole number of motions, or "auto"."""
+    return text if text == "auto" else count(text, or_else=', or "auto"')
+
+
+def model_names(text):
+    """Names of motion models with commas between them, as a tuple."""
+    names = tuple(name.strip() for name in text.split(","))
+    unknown = [name for name in names if name not in MODELS]
+    if unknown:
+        raise argparse.ArgumentTypeError(
+            f"expected some of {','.join(MODELS)}; got {unknown[0]!r}"
+        )
+    return names
+
+
+METHOD_OPTIONS: dict[str, dict[str, Any]] = {
+    "--motions": {
+        "type": number_of_motions,
+        "default": "auto",
+        "help": "number of motions, or auto (default: auto)",
+    },
+    "--min-motions": {
+        "type": count,
+        "metavar": "N",
+        "help": "fewest motions to try with --motions auto (default: 1)",
+    },
+    "--max-motions": {
+        "type": count,
+        "metavar": "N",
+        "help": "most motions to try with --motions auto (default: 10)",
+    },
+    "--models": {
+        "type": model_names,
+        "default": MODELS,
+        "metavar": "NAMES",
+        "help": "motion models to combine, with commas between them (default: "
+        f"{','.join(MODELS)})",
+    },
+    "--selection": {
+        "choices": SELECTIONS,
+        "default": SELECTIONS[0],
+        "help": "rule that chooses the number of motions (default: "
+        "description_length; ncre is the paper's)",
+    },
+    "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
+    "--jobs": {
+        "type": int,
+        "default": -1,
+        "help": "parallel jobs; -1 is all processors (default: -1)",
+    },
+}
+FILE_OPTIONS: dict[str, dict[str, Any]] = {
+    "--layout": {
+        "choices": LAYOUTS,
+        "help": "order of the axes in a .npz or .npy file, where its names do not tell "
+        "it",
+    },
+    "--visible-above": {
+        "type": float,
+        "metavar": "P",
+        "help": "where the visibility in a .npz file is a probability: points with a "
+        "larger one count as seen",
+    },
+    "--image-size": {
+        "type": count,
+        "nargs": 2,
+        "metavar": ("WIDTH", "HEIGHT"),
+        "help": "size of the image, where the coordinates in a .npz, .npy or .csv file "
+        "are shares of it",
+    },
+}
+
+
+def add_method_options(segment):
+    """Add the options to a parser.
+
+    Parameters
+    ----------
+    segment : argparse.ArgumentParser
+    """
+    for name, options in METHOD_OPTIONS.items():
+        segment.add_argument(name, **options)
+    files = segment.add_argument_group("track files")
+    for name, options in FILE_OPTIONS.items():
+        files.add_argument(name, **options)
+
+
+def check_method_options(arguments, video):
+    """Refuse options that do not go together, before any work.
+
+    Parameters
+    ----------
+    arguments : argparse.Namespace
+    video : bool
+        Whether the input is a video or a folder of frames.
+
+    Raises
+    ------
+    ValueError
+    """
+    counts = [n for n in ("min_motions", "max_motions") if getattr(arguments, n)]
+    if counts and arguments.motions != "auto":
+        raise ValueError(
+            f"{_option(counts[0])} is for --motions auto; got --motions "
+            f"{arguments.motions}"
+        )
+    options = file_options(arguments)
+    given = [name for name in options if options[name] is not None]
+    if given and video:
+        raise ValueError(
+            f"{_option(given[0])} is for track files; {arguments.file} is a video or a "
+            "folder"
+        )
+
+
+def file_options(arguments):
+    """Arguments of :func:`~skmotionseg.datasets.load_tracks`."""
+    size = arguments.image_size
+    return {
+        "layout": arguments.layout,
+        "image_size": None if size is None else tuple(size),
+        "visible_above": arguments.visible_above,
+    }
+
+
+def method_parameters(arguments):
+    """Parameters of :class:`~skmotionseg.MotionSegmenter`."""
+    counts = {
+        name: value
+        for name in ("min_motions", "max_motions")
+        if (value := getattr(arguments, name)) is not None
+    }
+    return {
+        "n_motions": arguments.motions,
+        "models": arguments.models,
+        "selection": arguments.selection,
+        "n_jobs": arguments.jobs,
+        "random_state": arguments.seed,
+        **counts,
+    }
+
+
+def _option(name):
+    return f"--{name.replace('_', '-')}"
