@@ -1,12 +1,10 @@
 """
-From a video to masks of what moves
-===================================
+From a video to a coloured video
+================================
 
 :func:`~skmotionseg.video.track_video` follows points through a video, or a folder of
 frames, and :func:`~skmotionseg.video.render_segmentation` draws their motions on it.
-:func:`~skmotionseg.video.find_objects` finds what moves before the static scene, and
-:func:`~skmotionseg.video.dense_masks` gives every pixel of every frame its label. They
-need OpenCV: ``pip install "skmotionseg[video]"``. The video is rendered from two
+Both need OpenCV: ``pip install "skmotionseg[video]"``. The video is rendered from two
 photographs that come with scikit-learn: a camera pans over a temple and zooms in, two
 discs cut out of a flower fly before it, and the light fades.
 """
@@ -20,12 +18,7 @@ import numpy as np
 from sklearn.datasets import load_sample_image
 
 from skmotionseg import MotionSegmenter
-from skmotionseg.video import (
-    dense_masks,
-    find_objects,
-    render_segmentation,
-    track_video,
-)
+from skmotionseg.video import render_segmentation, track_video
 
 WIDTH, HEIGHT = 384, 256
 
@@ -71,30 +64,12 @@ print(f"{segmenter.n_motions_} motions of {np.bincount(explained)} tracks")
 # A file name that ends in ``.mp4`` gives a video, ``.png`` a sheet of up to nine
 # frames.
 
+with tempfile.TemporaryDirectory() as folder:
+    sheet = Path(folder, "motions.png")
+    render_segmentation(frames, video.tracks, segmenter.labels_, sheet)
+    picture = plt.imread(sheet)
 
-def draw_sheet(labels, **options):
-    with tempfile.TemporaryDirectory() as folder:
-        sheet = Path(folder, "motions.png")
-        render_segmentation(frames, video.tracks, labels, sheet, **options)
-        picture = plt.imread(sheet)
-    _, ax = plt.subplots(figsize=(9, 6), layout="constrained")
-    ax.imshow(picture)
-    ax.set_axis_off()
-    plt.show()
-
-
-draw_sheet(segmenter.labels_)
-
-# %%
-# Which motion is the static scene, and what moves before it: 0 is the scene.
-
-objects = find_objects(
-    video.tracks, segmenter.labels_, width=video.width, height=video.height
-)
-print(f"the static scene is motion {segmenter.background_}")
-print(f"{objects.max()} things of {np.bincount(objects[objects > 0])[1:]} tracks")
-
-# %%
-# Masks come one frame at a time. Drawn, they leave the image to be seen.
-
-draw_sheet(objects, masks=dense_masks(frames, video.tracks, objects))
+figure, ax = plt.subplots(figsize=(9, 6), layout="constrained")
+ax.imshow(picture)
+ax.set_axis_off()
+plt.show()
