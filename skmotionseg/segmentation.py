@@ -26,6 +26,7 @@ from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.motions import fit_motions
+from ._core.partition.scene import background_motion
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
@@ -154,6 +155,10 @@ estimator, default="description_length"
         tracks labelled -1. It is not a calibrated probability. On KT3DMoSeg, the tenth
         of the tracks with the lowest values contains four fifths of a clip's errors.
     n_motions_ : int
+    background_ : int
+        The label of the static scene: the motion whose tracks take most of the margin
+        of the image and span it, however many they are; -1 if no track has a motion.
+        The image is what the tracks cover.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
         Frame pairs to which the motions were finally fitted.
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
@@ -247,6 +252,11 @@ estimator, default="description_length"
     3
     >>> misclassification_error(y, segmenter.labels_) < 0.05
     True
+
+    Which motion is the static scene:
+
+    >>> segmenter.background_
+    0
     """
 
     _parameter_constraints: dict = {
@@ -503,6 +513,7 @@ estimator, default="description_length"
         self.log_odds_ = _or_unknown(found.log_odds, found.counts)
         self.count_probabilities_ = count_probabilities(found.counts, self.log_odds_)
         self.n_motions_ = int(self.labels_.max()) + 1
+        self.background_ = _background(points, visibility, self.labels_)
         self._keep_motions(points, visibility, affinities)
         self._known = dict(zip(_digests(points), self.labels_.tolist(), strict=True))
 
@@ -666,6 +677,14 @@ class _Stopwatch:
 
     def with_total(self):
         return {**self.seconds, "total": time.perf_counter() - self._started}
+
+
+def _background(points, visibility, labels):
+    """The static scene, in an image that is what the tracks cover."""
+    some = points[visibility]
+    low, high = some.min(axis=0), some.max(axis=0)
+    size = np.maximum(high - low, np.finfo(float).tiny)
+    return background_motion(points - low, visibility, labels, size)
 
 
 def _cluster(fuse, seed, graph, n_clusters):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from itertools import islice
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -354,8 +355,17 @@ def _draw_report(arguments, sequence, segmenter):
     from ..plotting import ReportDisplay
 
     pyplot()
-    display = ReportDisplay.from_estimator(segmenter, sequence.data)
+    under = _frame_under(sequence) if sequence.video else {}
+    display = ReportDisplay.from_estimator(segmenter, sequence.data, **under)
     save_figure(display.figure_, arguments.report)
+
+
+def _frame_under(sequence):
+    """The frame of a video that sees most tracks, and its number, for a report."""
+    _, visibility = unpack_tracks(sequence.data)
+    number = int(visibility.sum(axis=0).argmax())
+    frame = next(islice(iter(sequence.frames), number, None))
+    return {"frame": number, "image": frame[..., ::-1]}
 
 
 def _write_pictures(arguments, sequence, segmenter, console):

@@ -1,4 +1,4 @@
-"""From labels of rigid motions to things that move before the static scene."""
+"""From tracks to things that move before the static scene."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core.geometry.tracks import unpack_tracks
+from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects
 from .._utils.validation import check_label_each
 
@@ -13,12 +14,19 @@ from .._utils.validation import check_label_each
 def find_objects(
     X: npt.ArrayLike, labels: npt.ArrayLike, *, width: int, height: int
 ) -> npt.NDArray[np.int64]:
-    """Join rigid motions to moving things, and find the static scene.
+    """Find what moves against the static scene, one thing by one.
 
-    The scene is the motion that frames the picture and spans it, however many tracks it
-    has. Motions that touch, and over time go together against the scene, are one thing,
-    as the limbs of a body are; tracks of no motion that move against the scene and have
-    others like them around are part of a thing or are one.
+    The scene is the rigid motion that frames the image and fills it, however many
+    tracks it has, at depths that are continuous. Tracks that are far from its motion,
+    or whose depths differ from those around, are gathered to connected regions, and
+    kept where a motion of their own, or the movement of the tracks around each one,
+    explains them better: noise, and water, are explained by neither. Parts that touch,
+    and over time go together against the scene, are one thing, as the limbs of a body
+    are.
+
+    Clips of two frames, and those of which no rigid motion can be told, are judged by
+    the labels alone: the scene is the label that frames the image, and the other labels
+    are parts.
 
     Parameters
     ----------
@@ -26,7 +34,8 @@ def find_objects(
         Tracks in pixels; NaN where unseen.
     labels : array-like of int, shape (n_tracks,)
         Rigid motion of each track, as from :class:`~skmotionseg.MotionSegmenter`; -1
-        for none.
+        for none. They are a hint: where they miss a motion, it is found all the same,
+        and where they part the scene, they do not count.
     width, height : int
         Of the frames, in pixels.
 
@@ -57,5 +66,9 @@ def find_objects(
     """
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
-    background = background_motion(points, visibility, labels, (width, height))
+    size = width, height
+    background = background_motion(points, visibility, labels, size)
+    parts = moving_parts(points, visibility, labels, background, size)
+    if parts is not None:
+        labels, background = parts + 1, 0
     return moving_objects(points, visibility, labels, background)

@@ -74,3 +74,23 @@ def test_predict_gives_fitted_tracks_their_own_label(scene):
     X, _ = scene
     segmenter = MotionSegmenter(3, n_hypotheses=200, random_state=0).fit(X)
     assert np.mean(segmenter.predict(X) == segmenter.labels_) > 0.98
+
+
+def test_the_background_frames_the_image_though_it_has_fewer_tracks():
+    rng = np.random.default_rng(0)
+    steps = np.arange(8)[:, None]
+    scene = rng.uniform(0, 300, size=(90, 2))
+    scene = scene[(np.abs(scene - 150) > 70).any(axis=1)]
+    thing = rng.uniform(100, 200, size=(120, 2))
+    X = np.concatenate(
+        [
+            (scene[:, None] + steps * (1.0, 0.5)).reshape(len(scene), -1),
+            (thing[:, None] + steps * (-3.0, 2.0)).reshape(len(thing), -1),
+        ]
+    )
+    X += 0.05 * rng.standard_normal(X.shape) - 1000  # the image is what tracks cover
+    segmenter = MotionSegmenter(2, n_hypotheses=100, random_state=0).fit(X)
+    labels = segmenter.labels_
+    assert (
+        segmenter.background_ == 1 == np.bincount(labels[: len(scene)] + 1)[1:].argmax()
+    )

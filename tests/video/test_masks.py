@@ -311,9 +311,12 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     prompts, sheet = tmp_path / "prompts.json", tmp_path / "sheet.png"
     options = ["--masks", masks, "--static-masks", static, "--prompts", prompts]
     options += ["--render", sheet, "--viewer", tmp_path / "page.html"]
+    options += ["--report", tmp_path / "report.png"]
     options += ["--motions", 2, "--max-frames", 6, "--jobs", 1]
     code = main(["segment", str(folder), *map(str, options)])
     assert (code, capsys.readouterr().err) == (0, "")
+    report = cv2.imread(str(tmp_path / "report.png"))
+    assert len(np.unique(report[::4, ::4].reshape(-1, 3), axis=0)) > 500  # an image
     names = [f"im{number}" for number in range(6)]
     assert sorted(path.name for path in masks.iterdir()) == [f"{n}.png" for n in names]
     assert sorted(p.name for p in static.iterdir()) == [f"{n}.png.png" for n in names]

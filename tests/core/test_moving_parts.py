@@ -1,0 +1,123 @@
+"""What moves before the static scene of made-up clips."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers.rooms import BOX, N_FRAMES, SIZE, clip
+
+from skmotionseg._core.partition.moving_parts import (
+    least_cut,
+    moving_parts,
+    track_graph,
+)
+
+
+def found(points, visibility, labels=None):
+    if labels is None:
+        labels = np.zeros(len(points), dtype=int)
+    return moving_parts(points, visibility, labels, 0, tuple(SIZE))
+
+
+@pytest.mark.parametrize(
+    "steps",
+    [(0.02, 0.05, 0), (0.06, 0, 0), (0, 0.06, 0.1)],
+    ids=["across", "as the camera moves", "away"],
+)
+def test_what_moves_before_a_room_is_found(steps):
+    points, visibility, moves = clip(BOX, steps)
+    parts = found(points, visibility)
+    assert (parts[moves] == 0).mean() > 0.95
+    assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_a_room_alone_has_no_moving_parts():
+    points, visibility, moves = clip(BOX, (0, 0, 0))
+    parts = found(points[~moves], visibility[~moves])
+    assert (parts == -1).all()
+
+
+def test_what_stands_on_the_ground_is_still():
+    """A box at the depth of the ground that it stands on, before the far wall."""
+    points, visibility, _ = clip(((260, 200), (400, 380)), (0, 0, 0), depth=8.0)
+    assert (found(points, visibility) == -1).mean() > 0.98
+
+
+def test_a_thing_that_has_most_tracks_is_not_the_scene():
+    points, visibility, moves = clip(((100, 80), (560, 420)), (0.02, 0.05, 0))
+    assert moves.mean() > 0.45
+    parts = found(points, visibility)
+    assert (parts[moves] == 0).mean() > 0.95
+    assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_two_things_are_two_parts():
+    left, visibility, moves = clip(((80, 100), (200, 220)), (0.02, 0.05, 0))
+    right, seen, moves_too = clip(((420, 100), (540, 220)), (0, -0.06, 0))
+    thing = right[moves_too]
+    points = np.concatenate([left, thing])
+    visibility = np.concatenate([visibility, seen[moves_too]])
+    parts = found(points, visibility)
+    first, second = parts[: len(left)][moves], parts[len(left) :]
+    assert len(set(first[first >= 0])) == len(set(second[second >= 0])) == 1
+    assert set(first) != set(second)
+
+
+def test_a_small_part_inside_another_is_of_it():
+    """A head, or a hand, of what moves."""
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    middle = np.nanmean(points, axis=1)
+    inner = moves & (np.abs(middle - np.nanmean(middle[moves], axis=0)) < 20).all(
+        axis=1
+    )
+    points[inner] += np.multiply.outer(np.arange(N_FRAMES), [0.0, -1.0])
+    parts = found(points, visibility)
+    assert inner.sum() >= 12
+    assert (parts[moves] == 0).mean() > 0.9
+
+
+def test_a_crowd_of_noise_is_no_part():
+    """Water: tracks that move, but neither as one nor as those around them."""
+    points, visibility, moves = clip(BOX, (0, 0, 0))
+    rng = np.random.default_rng(0)
+    walk = rng.normal(scale=2.0, size=points[moves].shape).cumsum(axis=1)
+    points[moves] += walk
+    assert (found(points, visibility) == -1).mean() > 0.98
+
+
+def test_labels_may_help_and_do_not_hurt():
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    parts = found(points, visibility, moves.astype(int))
+    assert (parts[moves] == 0).mean() > 0.95
+    assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_what_is_too_short_or_too_few_is_not_judged():
+    points, visibility, _ = clip(BOX, (0.02, 0.05, 0))
+    assert found(points[:, :2], visibility[:, :2]) is None
+    assert found(points[:8], visibility[:8]) is None
+
+
+def test_the_least_cut_is_the_least():
+    rng = np.random.default_rng(0)
+    odds = rng.normal(size=8)
+    pairs = np.array([(i, j) for i in range(8) for j in range(i + 1, 8)])
+    links = rng.uniform(0, 0.6, size=len(pairs))
+    every = np.array([[bool(k >> i & 1) for i in range(8)] for k in range(256)])
+    parted = every[:, pairs[:, 0]] != every[:, pairs[:, 1]]
+    costs = parted @ links - every @ odds
+    np.testing.assert_array_equal(least_cut(odds, pairs, links), every[costs.argmin()])
+
+
+def test_neighbours_are_near_and_apart_by_how_they_move():
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    graph = track_graph(points, visibility, 1.0)
+    crossing = moves[graph.pairs[:, 0]] != moves[graph.pairs[:, 1]]
+    assert np.median(graph.apart[crossing]) > 5 * np.median(graph.apart[~crossing])
+    assert len(np.unique(graph.pairs, axis=0)) == len(graph.pairs)
+
+
+def test_tracks_on_a_line_have_no_triangulation():
+    line = np.column_stack([np.arange(5.0), np.zeros(5)])[:, None].repeat(4, axis=1)
+    graph = track_graph(line, np.ones((5, 4), dtype=bool), 1.0)
+    assert graph.pairs.shape == (0, 2)
