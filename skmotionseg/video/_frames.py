@@ -104,13 +104,14 @@ def is_video(path):
     return path.is_dir() or path.suffix.lower() in VIDEO_ENDINGS
 
 
-def open_frames(source):
+def open_frames(source, cameras=False):
     """Make a source of frames, reading no more than is needed to know it is one.
 
     Parameters
     ----------
     source : path of a video or of a folder of pictures, iterable of arrays, or int
-        A whole number is a camera.
+    cameras : bool, default=False
+        Whether a whole number is a camera, which has no end.
 
     Returns
     -------
@@ -126,7 +127,7 @@ def open_frames(source):
     require("cv2", extra="video")
     if isinstance(source, Frames):
         return source
-    if isinstance(source, Integral) and not isinstance(source, bool):
+    if cameras and isinstance(source, Integral) and not isinstance(source, bool):
         return _open_camera(int(source))
     if isinstance(source, (str, Path)) or hasattr(source, "__fspath__"):
         path = Path(source)

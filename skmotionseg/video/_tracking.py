@@ -244,7 +244,7 @@ def follow_points(
     True
     """
     _check_parameters(grid_spacing, max_error, 1, min_texture, max_frames, max_side)
-    frames = islice(open_frames(source), max_frames)
+    frames = islice(open_frames(source, cameras=True), max_frames)
     return _followed(frames, grid_spacing, max_error, min_texture, max_side)
 
 

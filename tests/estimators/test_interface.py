@@ -275,7 +275,7 @@ def test_there_are_fewer_parameters_than_there_were():
 
 
 def test_the_search_says_how_often_it_restarts():
-    assert "8 restarts" in MotionSegmenter.__doc__
+    assert "8 initialisations of k-means" in MotionSegmenter.__doc__
 
 
 @pytest.mark.parametrize("make", SELECTORS)

@@ -540,8 +540,10 @@ def clip(turned, tmp_path_factory):
 
 
 def run(capsys, *arguments):
+    """Exit code, what was printed, and what was said besides of progress."""
     code = main([str(argument) for argument in arguments])
-    return code, *capsys.readouterr()
+    printed, errors = capsys.readouterr()
+    return code, printed, re.sub(r"(?m)^\w+: \d+ of \d+ done\n", "", errors)
 
 
 @pytest.mark.parametrize("ending, picture", [(".npz", ".mp4"), (".csv", ".png")])
