@@ -683,7 +683,7 @@ def _background(points, visibility, labels):
     """The static scene, in an image that is what the tracks cover."""
     some = points[visibility]
     low, high = some.min(axis=0), some.max(axis=0)
-    size = np.maximum(high - low, np.finfo(float).tiny)
+    size = np.maximum(high - low, 1e-9)
     return background_motion(points - low, visibility, labels, size)
 
 

@@ -54,8 +54,9 @@ def test_bad_numbers_are_errors(scene, value):
         segmenter.fit(scene[0])
 
 
-def test_landmarks_that_share_no_frame_are_named_in_the_error():
+def test_landmarks_that_share_no_frame_are_named_in_the_error(monkeypatch):
     """Ten tracks in each two frames of a long video: fewer are too few."""
+    monkeypatch.setattr("skmotionseg.segmentation.LONG_CLIP", 1000)  # taken whole
     points = np.full((4000, 801, 2), np.nan)
     for pair in range(400):
         place = np.random.default_rng(pair).uniform(0, 500, size=(10, 1, 2))

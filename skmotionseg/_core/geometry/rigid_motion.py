@@ -23,7 +23,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Directions of translation that are tried for a start, evenly over half a sphere.
+# Directions of translation that are tried for a start, over half a sphere: a multiple
+# of four.
 N_DIRECTIONS = 24
 # Starts of each kind (see `_starts`), and iterations from each start and from the best.
 STARTS_PER_KIND = 2
@@ -434,11 +435,13 @@ def _starts(x, seen, problems, reference):
 
 
 def _directions(n):
-    """Unit vectors (n, 3), evenly over half a sphere (Fibonacci's lattice)."""
-    k = np.arange(n) + 0.5
-    z, phi = k / n, np.pi * (1 + np.sqrt(5)) * k
+    """Unit vectors (n, 3) over half a sphere, the same in a mirrored image."""
+    k = np.arange(n // 4) + 0.5
+    z, phi = 4 * k / n, np.pi / 2 * ((1 + np.sqrt(5)) / 2 * k % 1)
     r = np.sqrt(1 - z**2)
-    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+    quarter = np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+    mirrors = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
+    return (mirrors[:, None] * quarter).reshape(-1, 3)
 
 
 def _instantaneous(x, y, both):

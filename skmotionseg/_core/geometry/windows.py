@@ -222,7 +222,8 @@ class Windows:
         """A reference frame, and tracks seen in it that a motion is fitted to.
 
         Of the frames that see most of a group the one nearest to the window's middle;
-        of its tracks some that are spread over the image.
+        of its tracks some at all distances from their middle, so that an image that is
+        mirrored or turned has the same.
         """
         members = members[self.freedom[members, window] > 0]
         seen = self.seen[window, members]
@@ -233,8 +234,9 @@ class Windows:
         members = members[seen[:, reference]]
         if len(members) <= most_tracks:
             return reference, members
-        x, y = self.x[window, members, reference].T
-        spread = members[np.lexsort((y, x))]
+        x = self.x[window, members, reference]
+        distance = ((x - x.mean(axis=0)) ** 2).sum(axis=1)
+        spread = members[np.argsort(distance, kind="stable")]
         return reference, spread[
             np.linspace(0, len(spread) - 1, most_tracks).astype(int)
         ]
