@@ -32,7 +32,7 @@ def segment_live(arguments):
 
     _check(arguments)
     console = require("rich.console", extra="cli").Console()
-    frames = open_frames(_source(arguments.file)).every(arguments.stride)
+    frames = open_frames(_source(arguments.file), cameras=True).every(arguments.stride)
     segmenter = OnlineMotionSegmenter(arguments.motions, random_state=arguments.seed)
     started = time.perf_counter()
     with ExitStack() as files:

@@ -25,7 +25,7 @@ import numpy as np
 
 # Directions of translation that are tried for a start, over half a sphere: a multiple
 # of four.
-N_DIRECTIONS = 24
+N_DIRECTIONS = 48
 # Starts of each kind (see `_starts`), and iterations from each start and from the best.
 STARTS_PER_KIND = 2
 FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
