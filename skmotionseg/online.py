@@ -63,7 +63,7 @@ class OnlineMotionSegmenter(BaseEstimator):
         Of the same tracks, as they were given.
     n_motions_ : int
         Motions in view.
-    motions_ : ndarray of int, shape (n_motions_,)
+    motions_ : ndarray of int, shape (n_motions,)
         Their numbers, ascending.
     background_ : int
         0 once there is a static scene, -1 before.
