@@ -116,13 +116,13 @@ def test_nothing_is_found_where_nothing_can_be_parted(scene):
 
 
 def test_what_no_motion_explains_becomes_a_group(scene):
-    """Tracks of a small motion that a partition gave to the background come apart."""
+    """Tracks that a partition gave to the background, whose motion is not theirs."""
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
     without = np.where(y == y.max(), 0, y)
-    tried = list(search.unexplained(without, search.motions(without)))
-    best = min(misclassification_error(y, search.settled(each)[1]) for each in tried)
-    assert best < 0.05
+    tried = list(search.unexplained(without, search.motions(y)[:-1]))
+    shares = [np.mean(y[each == each.max()] == y.max()) for each in tried]
+    assert max(shares) > 0.8
 
 
 def test_links_are_compared_with_chance(scene):

@@ -222,8 +222,8 @@ class Windows:
         """A reference frame, and tracks seen in it that a motion is fitted to.
 
         Of the frames that see most of a group the one nearest to the window's middle;
-        of its tracks some at all distances from their middle, so that a mirrored
-        image has the same.
+        of its tracks some at all distances from their middle, to the sides, so that a
+        mirrored image has the same.
         """
         members = members[self.freedom[members, window] > 0]
         seen = self.seen[window, members]
@@ -234,9 +234,8 @@ class Windows:
         members = members[seen[:, reference]]
         if len(members) <= most_tracks:
             return reference, members
-        from_middle = self._from_middle(window, members, reference)
-        distance = (from_middle**2).sum(axis=1)
-        spread = members[np.argsort(distance, kind="stable")]
+        x, y = np.abs(self._from_middle(window, members, reference)).T
+        spread = members[np.lexsort((y, x))]
         return reference, spread[
             np.linspace(0, len(spread) - 1, most_tracks).astype(int)
         ]

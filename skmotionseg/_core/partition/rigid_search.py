@@ -384,8 +384,6 @@ class RigidSearch:
             - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
             + PRIOR
         )
-        if gain < 0:  # what moves as one body does is one, however far apart
-            log_odds = min(log_odds, GAIN_WEIGHT * gain)
         return Apartness(float(log_odds), joint, float(gain), links)
 
     def _links(self, first, second):
