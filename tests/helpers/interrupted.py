@@ -10,6 +10,7 @@ import io
 import json
 import multiprocessing
 import os
+import re
 import signal
 import sys
 import threading
@@ -141,7 +142,10 @@ def interrupt_command(target, arguments, scratch, out, places):
     with patch, quiet[0], quiet[1]:
         code = cli.main([part.format(out=out, **places) for part in arguments])
     wrong = [] if code == 130 and calls else [f"exit code {code}: {said.getvalue()}"]
-    if said.getvalue() != "skmotionseg: interrupted\n":
+    *progress, last = said.getvalue().splitlines() or [""]
+    if last != "skmotionseg: interrupted" or not all(
+        re.fullmatch(r"[a-z ]+: \d+ of \d+ done", line) for line in progress
+    ):
         wrong.append(f"said {said.getvalue()!r}")
     wrong += [f"file {path.name}" for path in out.rglob("*")]
     return wrong + left_over(scratch, before)
