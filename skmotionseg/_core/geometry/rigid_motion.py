@@ -291,7 +291,7 @@ def _state(problems, rotations, translations, depths):
 def _scale(problems, state):
     """Robust standard deviation of the residuals, at least the floor: (B,)."""
     counted = (problems.weights > 0) & problems.seen.any(axis=1)
-    medians = _medians(state.squares / problems.freedom, counted)
+    medians = counted_medians(state.squares / problems.freedom, counted)
     medians = np.where(np.isfinite(medians), medians, 0)
     return np.maximum(problems.floor, SCALE_OF_MEDIAN * np.sqrt(medians))
 
@@ -303,7 +303,7 @@ def _cost(problems, state, scale):
     return (problems.weights * costs).sum(axis=1)
 
 
-def _medians(values, counted):
+def counted_medians(values, counted):
     """Lower medians over the last axis of what counts; infinite where nothing does."""
     values = np.sort(np.where(counted, values, np.inf), axis=-1)
     middle = np.maximum(np.broadcast_to(counted, values.shape).sum(axis=-1) - 1, 0) // 2
@@ -471,7 +471,7 @@ def _instantaneous(x, y, both):
     depths = (rest * along).sum(axis=-1) / ((along**2).sum(axis=-1) + 1e-4)
     sign = np.sign(np.where(both[:, None], depths, 0).sum(axis=-1, keepdims=True))
     sign[sign == 0] = 1
-    size = _medians(np.abs(depths), both[:, None])[..., None]
+    size = counted_medians(np.abs(depths), both[:, None])[..., None]
     size = np.where(np.isfinite(size), np.maximum(size, 1e-6), 1e-6)
     depths = np.where(both[:, None], sign * depths / size, 1).clip(-3, 10)
     return turns, directions * sign * size, depths
@@ -485,7 +485,7 @@ def _robust_turns(rows, left, both, sweeps=4, floor=1e-5):
         normal = weighted @ rows + 1e-9 * np.eye(3)
         turns = np.linalg.solve(normal, weighted @ left[..., None])
         errors = np.abs(left - (rows @ turns)[..., 0])
-        medians = _medians(errors, both[:, None])
+        medians = counted_medians(errors, both[:, None])
         scale = np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
         weights = both[:, None] / (1 + (errors / (2 * scale[..., None])) ** 2)
     return turns[..., 0], medians

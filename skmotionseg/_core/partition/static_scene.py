@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 
 from ..geometry.rigid_motion import (
     Poses,
+    counted_medians,
     fit_rigid_motions,
     refine_rigid_motions,
 )
@@ -312,7 +313,7 @@ class _Window:
         explained = view.deviations < LARGE * self._noise_of(view)
         steps = np.abs(view.depths[self._around] - view.depths[:, None])
         steps *= view.shifts[:, None]
-        usual = _medians(steps, explained[self._around])[explained]
+        usual = counted_medians(steps, explained[self._around])[explained]
         usual = usual[np.isfinite(usual)]
         usual = float(np.median(usual)) if len(usual) else 0.0
         noise = np.hypot(self._noise_of(view), SCALE_OF_SPREAD * usual)
@@ -370,10 +371,3 @@ class _Window:
         steps = np.abs(view.depths - middle) * view.shifts
         usual = np.hypot(SCALE_OF_SPREAD * spread * view.shifts, found.tolerance)
         return steps * self._noise_of(view) / usual
-
-
-def _medians(values, counted):
-    """Lower medians over the last axis of what counts; infinite where nothing does."""
-    values = np.sort(np.where(counted, values, np.inf), axis=-1)
-    middle = np.maximum(counted.sum(axis=-1) - 1, 0) // 2
-    return np.take_along_axis(values, middle[..., None], -1)[..., 0]
