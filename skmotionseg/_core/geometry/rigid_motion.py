@@ -29,6 +29,8 @@ N_DIRECTIONS = 48
 # Starts of each kind (see `_starts`), and iterations from each start and from the best.
 STARTS_PER_KIND = 2
 FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
+# Nats: a step that changes the cost by less is the last.
+CONVERGED = 0.01
 # Degrees of freedom of the Student-t distribution of a track's residuals.
 FREEDOM = 3.0
 # A standard deviation over the median of residuals is about this.
@@ -60,11 +62,8 @@ class _Problems(NamedTuple):
     rays: np.ndarray  # (B, n, 3), in the reference frame
     weights: np.ndarray  # (B, n), 0 for tracks that do not count
     floor: np.ndarray  # (B,), least scale of residuals
-
-    @property
-    def freedom(self):
-        """Residuals per track, less its depth: (B, n)."""
-        return np.maximum(2 * self.seen.sum(axis=1) - 1, 1)
+    counted: np.ndarray  # (B, n), whether a track has a weight and a residual
+    freedom: np.ndarray  # (B, n), residuals per track, less its depth
 
     def repeated(self, times):
         return _Problems(*(np.repeat(each, times, axis=0) for each in self))
@@ -84,6 +83,8 @@ class _State(NamedTuple):
 
     def chosen(self, other, better):
         """Of each problem the other state where it is better."""
+        if better.all():
+            return other
         return _State(
             *(
                 np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
@@ -246,7 +247,16 @@ def _problems(x, seen, weights, floor, reference):
     rays = np.concatenate([x[:, :, reference], np.ones((*x.shape[:2], 1))], axis=-1)
     there = seen[:, :, reference] & (weights > 0)
     seen = (seen[:, :, others] & there[..., None]).swapaxes(1, 2)
-    return _Problems(x[:, :, others].swapaxes(1, 2), seen, rays, weights * there, floor)
+    times_seen = seen.sum(axis=1)
+    return _Problems(
+        x=x[:, :, others].swapaxes(1, 2),
+        seen=seen,
+        rays=rays,
+        weights=weights * there,
+        floor=floor,
+        counted=there & (times_seen > 0),
+        freedom=np.maximum(2 * times_seen - 1, 1),
+    )
 
 
 def _poses(state, reference):
@@ -290,8 +300,7 @@ def _state(problems, rotations, translations, depths):
 
 def _scale(problems, state):
     """Robust standard deviation of the residuals, at least the floor: (B,)."""
-    counted = (problems.weights > 0) & problems.seen.any(axis=1)
-    medians = counted_medians(state.squares / problems.freedom, counted)
+    medians = counted_medians(state.squares / problems.freedom, problems.counted)
     medians = np.where(np.isfinite(medians), medians, 0)
     return np.maximum(problems.floor, SCALE_OF_MEDIAN * np.sqrt(medians))
 
@@ -311,15 +320,21 @@ def counted_medians(values, counted):
 
 
 def _minimise(problems, state, iterations):
-    """Levenberg-Marquardt; the scale of the residuals follows."""
+    """Levenberg-Marquardt, until a step changes little; the scale of the residuals
+    follows."""
     damping = np.full(len(problems.x), 1e-2)
+    converged = np.zeros(len(problems.x), dtype=bool)
     scale = _scale(problems, state)
     for _ in range(iterations):
-        cost = _cost(problems, state, scale)
+        change = -_cost(problems, state, scale)
         new = _stepped(problems, state, scale, damping)
-        better = _cost(problems, new, scale) < cost
+        change += _cost(problems, new, scale)
+        better = change < 0
         damping = np.clip(np.where(better, 0.2 * damping, 8 * damping), 1e-9, 1e6)
-        state = state.chosen(new, better)
+        state = state.chosen(new, better & ~converged)
+        converged |= np.abs(change) < CONVERGED
+        if converged.all():
+            break
         scale = _scale(problems, state)
     return state
 
@@ -368,27 +383,20 @@ def _damped_blocks(normal, damping):
 
 def _jacobians(problems, state):
     """Derivatives of images by poses, (B, L, 6, 2, n), and by depths, (B, L, 2, n)."""
-    u, v = np.moveaxis(state.image, -1, 0)
-    a, b, c = np.moveaxis(state.turned, -1, 0)
+    u, v = state.image[..., 0], state.image[..., 1]
+    a, b, c = (state.turned[..., i] for i in range(3))
     inverse = np.where(problems.seen, 1 / state.distance, 0)
     moved = state.depths[:, None] * inverse
-    zero = np.zeros_like(u)
-    poses = np.stack(
-        [
-            np.stack([-u * b * inverse, -(c + v * b) * inverse], axis=2),
-            np.stack([(c + u * a) * inverse, v * a * inverse], axis=2),
-            np.stack([-b * inverse, a * inverse], axis=2),
-            np.stack([moved, zero], axis=2),
-            np.stack([zero, moved], axis=2),
-            np.stack([-u * moved, -v * moved], axis=2),
-        ],
-        axis=2,
-    )
-    t = state.translations[:, :, None]
-    depths = np.stack(
-        [(t[..., 0] - u * t[..., 2]) * inverse, (t[..., 1] - v * t[..., 2]) * inverse],
-        axis=2,
-    )
+    poses = np.zeros((*u.shape[:2], 6, 2, u.shape[2]))
+    poses[:, :, 0, 0], poses[:, :, 0, 1] = -u * b * inverse, -(c + v * b) * inverse
+    poses[:, :, 1, 0], poses[:, :, 1, 1] = (c + u * a) * inverse, v * a * inverse
+    poses[:, :, 2, 0], poses[:, :, 2, 1] = -b * inverse, a * inverse
+    poses[:, :, 3, 0] = poses[:, :, 4, 1] = moved
+    poses[:, :, 5, 0], poses[:, :, 5, 1] = -u * moved, -v * moved
+    t = state.translations[..., None]  # (B, L, 3, 1)
+    depths = (t[:, :, :2] - state.image.swapaxes(2, 3) * t[:, :, 2:]) * inverse[
+        :, :, None
+    ]
     return poses, depths
 
 

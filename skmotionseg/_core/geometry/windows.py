@@ -45,10 +45,13 @@ class RigidMotion(NamedTuple):
     squares : ndarray of shape (n_tracks, n_windows)
         Squared residuals in calibrated coordinates, summed over the window; NaN where
         there is no motion, or the track is seen too little.
+    tracks : ndarray of int
+        The group.
     """
 
     poses: tuple[Poses | None, ...]
     squares: np.ndarray
+    tracks: np.ndarray
 
 
 class Windows:
@@ -121,7 +124,7 @@ class Windows:
             fitted = fit_rigid_motions(x, seen, weights, floor, jobs[0].reference)
             for job, *pose in zip(jobs, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
-        return self.motions(poses)
+        return self._motions(groups, poses)
 
     def refine(self, groups, starts, most_tracks=MOST_FITTED):
         """Motions of groups, from the motions of others.
@@ -160,9 +163,9 @@ class Windows:
                 if cost < least.get(place, np.inf):
                     least[place] = cost
                     poses[job.group][job.window] = Poses(*pose)
-        return self.motions(poses)
+        return self._motions(groups, poses)
 
-    def motions(self, poses):
+    def _motions(self, groups, poses):
         """Motions with the residuals of all tracks from them."""
         squares = np.full((len(poses), *self.freedom.shape), np.nan)
         for window, (x, seen) in enumerate(zip(self.x, self.seen, strict=True)):
@@ -176,8 +179,8 @@ class Windows:
                 for k, some in zip(have, found, strict=True):
                     squares[k, rows, window] = some
         return [
-            RigidMotion(tuple(each), some)
-            for each, some in zip(poses, squares, strict=True)
+            RigidMotion(tuple(each), some, group)
+            for group, each, some in zip(groups, poses, squares, strict=True)
         ]
 
     def deviations(self, motion, tracks):

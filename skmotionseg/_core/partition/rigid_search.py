@@ -331,12 +331,23 @@ class RigidSearch:
         return np.divide(links, degrees, out=np.zeros_like(links), where=degrees > 0)
 
     def _refitted(self, labels, motions):
-        """Motions of groups, fitted again to their inliers."""
+        """Motions of groups, fitted again to their inliers where these are others."""
         groups = [
             self._inliers(*each)
             for each in zip(groups_of(labels), motions, strict=True)
         ]
-        return self.windows.refine(groups, [[motion] for motion in motions])
+        new = [
+            k
+            for k, (group, motion) in enumerate(zip(groups, motions, strict=True))
+            if not np.array_equal(group, motion.tracks)
+        ]
+        motions = [*motions]
+        refined = self.windows.refine(
+            [groups[k] for k in new], [[motions[k]] for k in new]
+        )
+        for k, motion in zip(new, refined, strict=True):
+            motions[k] = motion
+        return motions
 
     def _inliers(self, group, motion):
         """The tracks of a group that its motion explains; at least half of them."""
