@@ -22,6 +22,10 @@ from .local_search import split
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
+# Nats per track by which a focal length must explain tracks better, for each unit of
+# the log of its ratio to the image's size. Simulated scenes: without, two seeds choose
+# the same in 62 % and are 0.34 off on average; with 1, 87 % and 0.25.
+NATS_OF_FOCAL_LENGTH = 1.0
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
@@ -147,7 +151,11 @@ class RigidSearch:
         self._motions, self.apart, self._apart_by_own = {}, {}, {}
 
     def calibrate(self, labels):
-        """Choose focal length and scale of the noise by the larger groups of labels."""
+        """Choose focal length and scale of the noise by the larger groups of labels.
+
+        Of focal lengths that explain them nearly as well, the one nearest to the size
+        of the image: by chance one is better here and another there.
+        """
         groups = sorted(groups_of(labels), key=len)[-4:]
         least, share, noise = np.inf, self.windows.focal_length, 0.0
         for focal_length in FOCAL_LENGTHS:
@@ -156,6 +164,9 @@ class RigidSearch:
             motions = self.windows.fit(groups)
             costs = self.costs(motions)
             total = sum(costs[group, k].sum() for k, group in enumerate(groups))
+            total += (
+                NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * abs(np.log(focal_length))
+            )
             if total < least:
                 own = [
                     self.windows.deviations(*each)[0]
