@@ -465,6 +465,7 @@ estimator, default="description_length"
             partial(_cluster, clusterer._fuse(), seeds["clustering"]),
             self.reject_outliers,
             stratified=len(self.landmarks_) < n_tracks,
+            seed=seeds["clustering"],
         )
 
     def _sparsities(self):
@@ -497,9 +498,11 @@ estimator, default="description_length"
         self.cost_tolerance_ = found.cost_tolerance
         candidates, shares = self._label_all(points, visibility, found)
         before_rejection = candidates[found.best].copy()
-        labels, self._explanation = _without_outliers(
-            points, visibility, before_rejection, found.explanation
-        )
+        labels = _reject(points, visibility, before_rejection, found.explanation)
+        if found.outliers is not None:
+            fitted = before_rejection[self.landmarks_]
+            labels[self.landmarks_] = np.where(found.outliers, -1, fitted)
+        self._explanation = _in_order(found.explanation, labels)
         candidates[found.best] = labels
         self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
         self.labels_ = self.candidate_labels_[found.best]
@@ -552,6 +555,10 @@ estimator, default="description_length"
             self.views_, points[others], visibility[others], found.labels, self.n_jobs
         )
         shares[others] = votes[found.best]
+        if found.explanation is not None:
+            labels[found.best, others] = found.explanation.nearest(
+                points[others], visibility[others], labels[found.best, others]
+            )
         return labels, shares
 
     @single_threaded
@@ -583,6 +590,8 @@ estimator, default="description_length"
             self.labels_[None, self.landmarks_],
             self.n_jobs,
         )
+        if self._explanation is not None:
+            labels = self._explanation.nearest(points, visibility, labels)
         labels = _reject(points, visibility, labels, self._explanation)
         pairs = zip(_digests(points), labels.tolist(), strict=True)
         return np.array([self._known.get(key, new) for key, new in pairs], dtype=int)
@@ -693,14 +702,13 @@ def _cluster(fuse, seed, graph, n_clusters):
     return cluster_graph(graph, n_clusters, fuse, SEARCH_RESTARTS, rng)
 
 
-def _without_outliers(points, visibility, labels, explanation):
-    """Labels without outliers, and the explanation in the order that they will get."""
-    labels = _reject(points, visibility, labels, explanation)
-    if explanation is not None:
-        canonical = canonical_labels(labels)
-        order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
-        explanation = explanation.reordered(order)
-    return labels, explanation
+def _in_order(explanation, labels):
+    """The explanation in the order that the labels will get; None stays."""
+    if explanation is None:
+        return None
+    canonical = canonical_labels(labels)
+    order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
+    return explanation.reordered(order)
 
 
 def _or_unknown(log_odds, counts):
