@@ -229,8 +229,8 @@ def _read_mat(path):
             "target": _labels_from_one(content["label"]),
         }
     raise ValueError(
-        "expected a struct 'Data' or the arrays 'y' and 's', or 'data' and 'label'; got "
-        f"{found}"
+        "expected a struct 'Data' or the arrays 'y' and 's', or 'data' and 'label'; "
+        f"got {found}"
     )
 
 
