@@ -198,10 +198,12 @@ def log_student(squares, scale, dimension=1):
     ndarray of shape (M, n)
     """
     half = (FREEDOM + dimension) / 2
-    constant = gammaln(half) - gammaln(FREEDOM / 2)
+    constant = float(gammaln(half) - gammaln(FREEDOM / 2))
     constant -= dimension / 2 * np.log(FREEDOM * np.pi)
-    relative = squares / (FREEDOM * scale[:, None] ** 2)
-    return constant - dimension * np.log(scale)[:, None] - half * np.log1p(relative)
+    logarithms = np.log1p(squares * (1 / (FREEDOM * scale**2))[:, None])
+    logarithms *= -half
+    logarithms += (constant - dimension * np.log(scale))[:, None]
+    return logarithms
 
 
 def _weights(squares, scale):

@@ -190,7 +190,7 @@ def settle(scene, motions, shares=None, rounds=ROUNDS):
         shares, _ = assign(scene, motions)
     else:
         motions = fit_two_view_motions(scene.views, shares[:-1])
-    for _ in range(rounds):
+    for done in range(rounds):
         motions = fit_two_view_motions(scene.views, shares[:-1], motions)
         shares, densities = assign(scene, motions, shares)
         members = np.bincount(shares.argmax(axis=0), minlength=len(shares))[:-1]
@@ -206,6 +206,6 @@ def settle(scene, motions, shares=None, rounds=ROUNDS):
             continue
         fall = best.cost - found.cost
         best = found if fall > 0 else best
-        if fall < SMALL_FALL:
+        if fall < SMALL_FALL and done > 1:
             break
     return best

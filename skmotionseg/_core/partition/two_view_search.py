@@ -225,34 +225,47 @@ def _first(values):
 
 def _starts(scene, known, among, n_starts, rng):
     """Shares (n_starts, n) of the tracks in the hypotheses that explain most."""
-    squares = _hypotheses(scene, among, rng)
-    side = scene.views.side
-    scales = [np.full(len(squares), width * side) for width in WIDTHS]
+    tracks = np.flatnonzero(among)
+    squares = _hypotheses(scene, tracks, rng)
+    scales = WIDTHS * scene.views.side
     gains = np.stack(
-        [
-            (np.maximum(log_student(squares, scale, 2) - known, 0) * among).sum(axis=1)
-            for scale in scales
-        ]
+        [_gains(squares, scale, known[tracks]).sum(axis=1) for scale in scales]
     )  # (n_widths, n_hypotheses)
-    widths = gains.argmax(axis=0)
     order = np.argsort(-gains.max(axis=0), kind="stable")[:BEST]
-    scale = WIDTHS[widths[order]] * side
-    gain = np.where(among, log_student(squares[order], scale, 2) - known, -np.inf)
-    return _logistic(gain[_different(gain > 0, n_starts)])
+    scale = scales[gains.argmax(axis=0)[order]]
+    gain = log_student(squares[order], scale, 2) - known[tracks]
+    chosen = _different(gain > 0, n_starts)
+    shares = np.zeros((len(chosen), len(known)))
+    shares[:, tracks] = _logistic(gain[chosen])
+    return shares
 
 
-def _hypotheses(scene, among, rng):
-    """Squared distances (N_HYPOTHESES, n) of tracks from affine maps of neighbours."""
+def _gains(squares, scale, known):
+    """What tracks gain by hypotheses of that scale, (m, n), never less than 0."""
+    gain = log_student(squares, np.full(1, scale, squares.dtype), 2)
+    gain -= known.astype(squares.dtype)
+    return np.maximum(gain, 0, out=gain)
+
+
+def _hypotheses(scene, tracks, rng):
+    """Squared distances of some tracks from affine maps of neighbours, float32.
+
+    There are as many as are drawn among all tracks, but at least a quarter.
+    """
     views, n_nearest = scene.views, scene.nearest.shape[1]
-    seeds = rng.choice(np.flatnonzero(among), N_HYPOTHESES)
-    sizes = np.minimum(rng.choice(NEIGHBOURHOODS, N_HYPOTHESES), n_nearest)
-    drawn = rng.uniform(size=(N_HYPOTHESES, SAMPLE - 1)) * sizes[:, None]
+    n = int(N_HYPOTHESES * max(0.25, len(tracks) / len(views)))
+    seeds = rng.choice(tracks, n)
+    sizes = np.minimum(rng.choice(NEIGHBOURHOODS, n), n_nearest)
+    drawn = rng.uniform(size=(n, SAMPLE - 1)) * sizes[:, None]
     others = scene.nearest[seeds[:, None], drawn.astype(int)]
     sample = np.column_stack([seeds, others])
     x, y = views.x[sample], views.y[sample, :2]
     moments = x.swapaxes(1, 2) @ x + 1e-9 * np.eye(3)
-    maps = np.linalg.solve(moments, x.swapaxes(1, 2) @ y)
-    return ((views.y[:, :2] - views.x @ maps) ** 2).sum(axis=2)
+    maps = np.linalg.solve(moments, x.swapaxes(1, 2) @ y).astype(np.float32)
+    x, y = views.x[tracks].astype(np.float32), views.y[tracks].astype(np.float32)
+    squares = (y[:, 0] - maps[:, :, 0] @ x.T) ** 2
+    squares += (y[:, 1] - maps[:, :, 1] @ x.T) ** 2
+    return squares
 
 
 def _different(sets, most):
