@@ -97,7 +97,10 @@ estimator, default="description_length"
         of its description length, by a fundamental matrix per motion and frame pair,
         and its weighted normalised cut. In clips of at least three frames and forty
         tracks, it may then be replaced by a partition into as many or more motions that
-        has a lower cost by rigid motion over windows of up to six frames. The other
+        has a lower cost by rigid motion over windows of up to six frames. Two images,
+        where most tracks may be mismatches, are segmented by the densities of the
+        points of the second along and across the epipolar lines of each motion, by a
+        description length of points, labels and motions together. The other
         rules select the number of motions by the graph alone: "ncre", the paper's rule,
         by normalised cut and reconstruction error (see :class:`NCREModelSelector`);
         "eigengap" and "self_tuning", with which the paper compares it, by eigenvalues
@@ -117,7 +120,8 @@ estimator, default="description_length"
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted robustly. Their inliers have residuals within six standard deviations of
         the noise of the motion, which is at least a fifth of a pixel in an image of
-        640 x 480.
+        640 x 480. Between two images, a track is an outlier if it is less likely to
+        follow any motion than to be a mismatch.
     n_landmarks : int, "auto" or None, default="auto"
         Number of tracks that are fitted; all others are labelled as by :meth:`predict`.
         "auto" fits all tracks if there are at most 1,200 (3,000 if most are seen in few
@@ -152,7 +156,8 @@ estimator, default="description_length"
     probabilities_ : ndarray of shape (n_tracks,)
         Confidence of each label, from 0 to 1: the share of a track's affinity to other
         tracks that goes to tracks of its own motion, averaged over the models; 0 for
-        tracks labelled -1. It is not a calibrated probability. On KT3DMoSeg, the tenth
+        tracks labelled -1. Between two images, it is the probability that a track
+        follows its motion and neither another nor none. It is not a calibrated probability. On KT3DMoSeg, the tenth
         of the tracks with the lowest values contains four fifths of a clip's errors.
     n_motions_ : int
     background_ : int
@@ -195,10 +200,11 @@ estimator, default="description_length"
         separate, if it was rejected for this reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
         For each number, the log odds that the two most similar motions of its partition
-        are two and not one. NaN where they are not computed: for the fewest motions,
-        for a given number, and where partitions are compared by fundamental matrices of
-        frame pairs (two images, fewer than 40 tracks, or tracks seen in fewer than
-        three frames of a window).
+        are two and not one; between two images, that there are so many motions and not
+        fewer. NaN where they are not computed: for the fewest motions, for a given
+        number, and where partitions are compared by fundamental matrices of frame pairs
+        (fewer than 40 tracks, or tracks seen in fewer than three frames of a window;
+        in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)
         Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
         where frame pairs are used.
