@@ -157,8 +157,9 @@ estimator, default="description_length"
         Confidence of each label, from 0 to 1: the share of a track's affinity to other
         tracks that goes to tracks of its own motion, averaged over the models; 0 for
         tracks labelled -1. Between two images, it is the probability that a track
-        follows its motion and neither another nor none. It is not a calibrated probability. On KT3DMoSeg, the tenth
-        of the tracks with the lowest values contains four fifths of a clip's errors.
+        follows its motion and neither another nor none. It is not a calibrated
+        probability. On KT3DMoSeg, the tenth of the tracks with the lowest values
+        contains four fifths of a clip's errors.
     n_motions_ : int
     background_ : int
         The label of the static scene: the motion whose tracks take most of the margin
