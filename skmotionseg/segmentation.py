@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
-from ._core.geometry.tracks import non_empty_frames
+from ._core.geometry.tracks import covisible_pairs, frame_pairs, non_empty_frames
 from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
@@ -80,7 +80,9 @@ default=("affine", "homography", "fundamental")
         Hypotheses per frame pair and model.
     frame_gap : int, default=1
         Distance between the two frames of a pair, in frames, for the hypotheses.
-        (Description lengths are computed at distances of one and four frames.)
+        (Description lengths are computed at distances of one and four frames.) If it is
+        1 and consecutive frames see fewer than four fifths of the tracks together, as
+        in unordered photographs, the pairs are those that see most of them.
     kernel : ORKKernel or None, default=None
         Kernel that computes affinities from residuals. ``None`` means ``ORKKernel()``.
         Its ``sparsity="auto"`` is 4 and 8 for ``selection="description_length"``, which
@@ -387,6 +389,7 @@ estimator, default="description_length"
             *fitted,
             self.n_jobs,
             self.memory,
+            self._covisible_pairs(visibility),
         )
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):
@@ -439,6 +442,12 @@ estimator, default="description_length"
             frame_gap=self.frame_gap,
             kernel=kernel,
         )
+
+    def _covisible_pairs(self, visibility):
+        """Frame pairs of unordered photographs; None where the usual ones do."""
+        usual = frame_pairs(visibility.shape[1], self.frame_gap)
+        pairs = covisible_pairs(visibility, usual)
+        return None if pairs is usual or self.frame_gap > 1 else pairs
 
     @property
     def _by_length(self):
