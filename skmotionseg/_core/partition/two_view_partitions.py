@@ -20,7 +20,7 @@ TWO_VIEW_COST_NAMES = ("nats of labels and motions per track", "nats of places")
 # Nats that count as evidence against one: tails, neighbours and noise are not quite as
 # they are taken to be, and what was searched for is found more often than by chance.
 # On simulated pairs of images, probabilities are about as often right as they say.
-TEMPERATURE = 6.0
+TEMPERATURE = 8.0
 
 
 @dataclass(frozen=True)
