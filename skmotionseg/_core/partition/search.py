@@ -141,15 +141,13 @@ def search_partitions(
     PartitionSearch
     """
     connected = connected_tracks(views)
+    some = points[connected], visibility[connected]
     if points.shape[1] == 2:
-        some = points[connected], visibility[connected]
-        between = two_view_partitions(
-            clip_geometry(*some), counts, np.random.RandomState(seed)
-        )
+        rng = np.random.RandomState(seed)
+        between = two_view_partitions(clip_geometry(*some), counts, rng)
         if between is not None:
             return _between_two_images(between, connected, len(points), reject_outliers)
     views = views[:, connected[:, None], connected]
-    some = points[connected], visibility[connected]
     clip = _Clip(*some, views, sparsities, stratified)
     judged, segments = np.arange(len(connected)), None
     if reject_outliers:
@@ -159,15 +157,23 @@ def search_partitions(
     found = _by_rigid_motion(clip, counts, cluster)
     if found is None:
         found = _by_frame_pairs(clip, counts, cluster)
-    best, chosen = found.best, found.chosen
-    explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
+    explanation = None
+    if reject_outliers:
+        explanation = _explain(clip, found.best[found.chosen][1], segments)
+    return _of_all_tracks(found, whole, judged, connected, len(points), explanation)
+
+
+def _of_all_tracks(found, whole, judged, connected, n_tracks, explanation):
+    """What was found in the tracks that were judged, for all tracks."""
+    best = found.best
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
+    shares = own_shares(whole.sparse[-1], labels[found.chosen])
     return PartitionSearch(
         np.array(list(labels)),
         np.array([best[count][0] for count in labels]),
-        _put(connected, np.stack(list(labels.values())), len(points), -1),
-        list(labels).index(chosen),
-        _put(connected, own_shares(whole.sparse[-1], labels[chosen]), len(points), 0.0),
+        _put(connected, np.stack(list(labels.values())), n_tracks, -1),
+        list(labels).index(found.chosen),
+        _put(connected, shares, n_tracks, 0.0),
         explanation,
         np.array([found.gainless.get(count, (-1, -1)) for count in labels]),
         np.array([found.log_odds.get(count, np.nan) for count in labels]),
