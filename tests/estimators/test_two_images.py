@@ -50,6 +50,7 @@ def test_exact_and_noisy_tracks(noise):
     judge(y, segment(X))
 
 
+@pytest.mark.slow
 def test_the_number_is_obeyed():
     X, y = two_images([40, 30, 20], 30)
     for n_motions in (1, 4, 6):
@@ -69,6 +70,7 @@ def test_a_mirrored_image_and_tracks_in_another_order():
     assert misclassification_error(labels[order], again) < 0.05
 
 
+@pytest.mark.slow
 def test_scale_does_not_matter():
     X, _ = two_images([40, 30], 40, seed=2)
     labels = segment(X).labels_
@@ -76,6 +78,7 @@ def test_scale_does_not_matter():
         assert misclassification_error(labels, segment(scale * X).labels_) < 0.05
 
 
+@pytest.mark.slow
 def test_a_seed_gives_its_labels():
     X, _ = two_images([40, 30], 40, seed=4)
     once, again = segment(X), segment(X, n_jobs=2)
@@ -114,6 +117,7 @@ def test_matrices_are_those_of_the_tracks():
         assert_allclose(segmenter.residuals_[0, own], distances, rtol=1e-2, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_new_tracks_are_placed_and_rejected():
     X, y = two_images([60, 50], 60, seed=7)
     fitted = np.arange(len(X)) % 3 > 0
