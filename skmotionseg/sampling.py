@@ -121,10 +121,10 @@ default="homography"
         """
         return self._fit(*self._read_tracks(X, reset=True))
 
-    def _fit(self, points, visibility):
-        """Draw hypotheses for tracks that were read already."""
+    def _fit(self, points, visibility, pairs=None):
+        """Draw hypotheses for tracks that were read, in those pairs if given."""
         model = get_motion_model(self.model)
-        pairs = self._check_pairs(model, visibility)
+        pairs = self._check_pairs(model, visibility, pairs)
         self.frame_pairs_ = pairs
         self.hypotheses_ = draw_hypotheses(
             points,
@@ -137,7 +137,7 @@ default="homography"
         self._centres, self._scale = working_coordinates(points, visibility)
         return self
 
-    def _check_pairs(self, model, visibility):
+    def _check_pairs(self, model, visibility, pairs):
         """Frame pairs, of which one sees as many tracks as the model needs."""
         n_tracks, n_frames = visibility.shape
         if n_frames <= self.frame_gap:
@@ -145,7 +145,8 @@ default="homography"
                 f"frame_gap={self.frame_gap} needs at least {self.frame_gap + 1} "
                 f"frames; got {n_frames}"
             )
-        pairs = frame_pairs(n_frames, self.frame_gap)
+        if pairs is None:
+            pairs = frame_pairs(n_frames, self.frame_gap)
         most = visibility[:, pairs].all(axis=2).sum(axis=0).max()
         if most < model.minimal_size:
             raise ValueError(

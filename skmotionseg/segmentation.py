@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
-from ._core.geometry.tracks import non_empty_frames
+from ._core.geometry.tracks import covisible_pairs, frame_pairs, non_empty_frames
 from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
@@ -80,7 +80,9 @@ default=("affine", "homography", "fundamental")
         Hypotheses per frame pair and model.
     frame_gap : int, default=1
         Distance between the two frames of a pair, in frames, for the hypotheses.
-        (Description lengths are computed at distances of one and four frames.)
+        (Description lengths are computed at distances of one and four frames.) If it is
+        1 and consecutive frames see fewer than four fifths of the tracks together, as
+        in unordered photographs, the pairs are those that see most of them.
     kernel : ORKKernel or None, default=None
         Kernel that computes affinities from residuals. ``None`` means ``ORKKernel()``.
         Its ``sparsity="auto"`` is 4 and 8 for ``selection="description_length"``, which
@@ -97,7 +99,10 @@ estimator, default="description_length"
         of its description length, by a fundamental matrix per motion and frame pair,
         and its weighted normalised cut. In clips of at least three frames and forty
         tracks, it may then be replaced by a partition into as many or more motions that
-        has a lower cost by rigid motion over windows of up to six frames. The other
+        has a lower cost by rigid motion over windows of up to six frames. Two images,
+        where most tracks may be mismatches, are segmented by the densities of the
+        points of the second along and across the epipolar lines of each motion, by a
+        description length of points, labels and motions together. The other
         rules select the number of motions by the graph alone: "ncre", the paper's rule,
         by normalised cut and reconstruction error (see :class:`NCREModelSelector`);
         "eigengap" and "self_tuning", with which the paper compares it, by eigenvalues
@@ -117,7 +122,8 @@ estimator, default="description_length"
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted robustly. Their inliers have residuals within six standard deviations of
         the noise of the motion, which is at least a fifth of a pixel in an image of
-        640 x 480.
+        640 x 480. Between two images, a track is an outlier if it is less likely to
+        follow any motion than to be a mismatch.
     n_landmarks : int, "auto" or None, default="auto"
         Number of tracks that are fitted; all others are labelled as by :meth:`predict`.
         "auto" fits all tracks if there are at most 1,200 (3,000 if most are seen in few
@@ -152,8 +158,10 @@ estimator, default="description_length"
     probabilities_ : ndarray of shape (n_tracks,)
         Confidence of each label, from 0 to 1: the share of a track's affinity to other
         tracks that goes to tracks of its own motion, averaged over the models; 0 for
-        tracks labelled -1. It is not a calibrated probability. On KT3DMoSeg, the tenth
-        of the tracks with the lowest values contains four fifths of a clip's errors.
+        tracks labelled -1. Between two images, it is the probability that a track
+        follows its motion and neither another nor none. It is not a calibrated
+        probability. On KT3DMoSeg, the tenth of the tracks with the lowest values
+        contains four fifths of a clip's errors.
     n_motions_ : int
     background_ : int
         The label of the static scene: the motion whose tracks take most of the margin
@@ -195,10 +203,11 @@ estimator, default="description_length"
         separate, if it was rejected for this reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
         For each number, the log odds that the two most similar motions of its partition
-        are two and not one. NaN where they are not computed: for the fewest motions,
-        for a given number, and where partitions are compared by fundamental matrices of
-        frame pairs (two images, fewer than 40 tracks, or tracks seen in fewer than
-        three frames of a window).
+        are two and not one; between two images, that there are so many motions and not
+        fewer. NaN where they are not computed: for the fewest motions, for a given
+        number, and where partitions are compared by fundamental matrices of frame pairs
+        (fewer than 40 tracks, or tracks seen in fewer than three frames of a window;
+        in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)
         Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
         where frame pairs are used.
@@ -380,6 +389,7 @@ estimator, default="description_length"
             *fitted,
             self.n_jobs,
             self.memory,
+            self._covisible_pairs(visibility),
         )
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):
@@ -433,6 +443,12 @@ estimator, default="description_length"
             kernel=kernel,
         )
 
+    def _covisible_pairs(self, visibility):
+        """Frame pairs of unordered photographs; None where the usual ones do."""
+        usual = frame_pairs(visibility.shape[1], self.frame_gap)
+        pairs = covisible_pairs(visibility, usual)
+        return None if pairs is usual or self.frame_gap > 1 else pairs
+
     @property
     def _by_length(self):
         selection = self.selection
@@ -465,6 +481,7 @@ estimator, default="description_length"
             partial(_cluster, clusterer._fuse(), seeds["clustering"]),
             self.reject_outliers,
             stratified=len(self.landmarks_) < n_tracks,
+            seed=seeds["clustering"],
         )
 
     def _sparsities(self):
@@ -497,9 +514,11 @@ estimator, default="description_length"
         self.cost_tolerance_ = found.cost_tolerance
         candidates, shares = self._label_all(points, visibility, found)
         before_rejection = candidates[found.best].copy()
-        labels, self._explanation = _without_outliers(
-            points, visibility, before_rejection, found.explanation
-        )
+        labels = _reject(points, visibility, before_rejection, found.explanation)
+        if found.outliers is not None:
+            fitted = before_rejection[self.landmarks_]
+            labels[self.landmarks_] = np.where(found.outliers, -1, fitted)
+        self._explanation = _in_order(found.explanation, labels)
         candidates[found.best] = labels
         self.candidate_labels_ = np.stack([canonical_labels(c) for c in candidates])
         self.labels_ = self.candidate_labels_[found.best]
@@ -552,6 +571,10 @@ estimator, default="description_length"
             self.views_, points[others], visibility[others], found.labels, self.n_jobs
         )
         shares[others] = votes[found.best]
+        if found.explanation is not None:
+            labels[found.best, others] = found.explanation.nearest(
+                points[others], visibility[others], labels[found.best, others]
+            )
         return labels, shares
 
     @single_threaded
@@ -583,6 +606,8 @@ estimator, default="description_length"
             self.labels_[None, self.landmarks_],
             self.n_jobs,
         )
+        if self._explanation is not None:
+            labels = self._explanation.nearest(points, visibility, labels)
         labels = _reject(points, visibility, labels, self._explanation)
         pairs = zip(_digests(points), labels.tolist(), strict=True)
         return np.array([self._known.get(key, new) for key, new in pairs], dtype=int)
@@ -693,14 +718,13 @@ def _cluster(fuse, seed, graph, n_clusters):
     return cluster_graph(graph, n_clusters, fuse, SEARCH_RESTARTS, rng)
 
 
-def _without_outliers(points, visibility, labels, explanation):
-    """Labels without outliers, and the explanation in the order that they will get."""
-    labels = _reject(points, visibility, labels, explanation)
-    if explanation is not None:
-        canonical = canonical_labels(labels)
-        order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
-        explanation = explanation.reordered(order)
-    return labels, explanation
+def _in_order(explanation, labels):
+    """The explanation in the order that the labels will get; None stays."""
+    if explanation is None:
+        return None
+    canonical = canonical_labels(labels)
+    order = [labels[canonical == m][0] for m in range(canonical.max() + 1)]
+    return explanation.reordered(order)
 
 
 def _or_unknown(log_odds, counts):

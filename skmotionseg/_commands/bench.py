@@ -196,7 +196,7 @@ def _error_table(summary, dataset, methods):
         table.add_column(title, justify="right")
     for method in methods:
         ours = summary[dataset, method]
-        paper = PAPER[dataset].get(method, (None,) * len(figures))
+        paper = PAPER.get(dataset, {}).get(method, (None,) * len(figures))
         cells = zip(figures, paper, strict=True)
         table.add_row(method, *(_figure(ours[name], theirs) for name, theirs in cells))
     return table

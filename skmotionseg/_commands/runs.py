@@ -16,7 +16,13 @@ from joblib import Memory, Parallel, delayed
 from .._parallel.tasks import Task
 from .._segmenter.views import ALL_MODELS
 from .._version import __version__
-from ..datasets import load_hopkins12, load_hopkins155, load_kt3dmoseg, load_mtpv62
+from ..datasets import (
+    load_adelaide,
+    load_hopkins12,
+    load_hopkins155,
+    load_kt3dmoseg,
+    load_mtpv62,
+)
 from ..metrics import misclassification_error
 from ..segmentation import MotionSegmenter
 from .checkpoints import run_key
@@ -31,6 +37,7 @@ LOADERS = {
     "MTPV62": load_mtpv62,
     **REGION_LOADERS,
     "KT3DMoSeg": load_kt3dmoseg,
+    "AdelaideRMF": load_adelaide,
     **VIDEO_LOADERS,
 }
 

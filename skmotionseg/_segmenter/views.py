@@ -95,7 +95,7 @@ def make_view(model, seed, *, n_hypotheses, frame_gap=1, kernel=None):
     return sampler, ORKKernel() if kernel is None else clone(kernel)
 
 
-def fit_views(views, points, visibility, n_jobs, memory=None):
+def fit_views(views, points, visibility, n_jobs, memory=None, pairs=None):
     """Fit the sampler and kernel of each model, from memory if they are there.
 
     Parameters
@@ -106,6 +106,8 @@ def fit_views(views, points, visibility, n_jobs, memory=None):
     visibility : ndarray of bool, shape (n, n_frames)
     n_jobs : int or None
     memory : str, path, joblib.Memory or None
+    pairs : ndarray of int, shape (n_pairs, 2), optional
+        Frame pairs, in place of those at the distance that the samplers have.
 
     Returns
     -------
@@ -117,7 +119,7 @@ def fit_views(views, points, visibility, n_jobs, memory=None):
     fit = as_memory(memory).cache(_fit_view)
     results = run_tasks(
         (
-            Task(f"fitting the {model} model", fit, *view, points, visibility)
+            Task(f"fitting the {model} model", fit, *view, points, visibility, pairs)
             for model, view in views.items()
         ),
         n_jobs=n_jobs,
@@ -131,7 +133,7 @@ def fit_views(views, points, visibility, n_jobs, memory=None):
     return fitted, affinities, np.sum([seconds for *_, seconds in results], axis=0)
 
 
-def _fit_view(sampler, kernel, points, visibility):
+def _fit_view(sampler, kernel, points, visibility, pairs=None):
     """Fit one model's sampler and kernel; give them, the affinity and the seconds.
 
     The residuals go from one to the other a frame pair at a time: all of them would be
@@ -139,7 +141,7 @@ def _fit_view(sampler, kernel, points, visibility):
     """
     started = time.perf_counter()
     sampler.n_features_in_ = 2 * points.shape[1]
-    sampler._fit(points, visibility)
+    sampler._fit(points, visibility, pairs)
     sampled = time.perf_counter()
     blocks = sampler._blocks(points, visibility)
     affinity = kernel._fit_blocks(len(points), blocks, sampler.n_hypotheses)

@@ -109,6 +109,19 @@ load_hopkins12 = _loader(
     '       Outlying, Incomplete, or Corrupted Trajectories", IEEE TPAMI 32(10), 2010.',
     "They are among the data at\n    http://www.vision.jhu.edu/data/",
 )
+load_adelaide = _loader(
+    "load_adelaide",
+    "AdelaideRMF: pairs of images, of which up to half and more are mismatches",
+    "*.mat",
+    "",
+    "``NAME.mat``, each with ``data`` (6, n_tracks), homogeneous pixels of two\n"
+    "        images, and ``label`` (n_tracks,), 0 for mismatches",
+    'H. S. Wong, T.-J. Chin, J. Yu and D. Suter, "Dynamic and Hierarchical\n'
+    '       Multi-Structure Geometric Model Fitting", ICCV 2011.\n'
+    "       https://doi.org/10.1109/ICCV.2011.6126350",
+    "Their authors publish them; those\n"
+    "    of fundamental matrices are motions, those of homographies are planes.",
+)
 load_hopkins155 = _loader(
     "load_hopkins155",
     "Hopkins155: checkerboards, cars and people, complete tracks",

@@ -69,7 +69,8 @@ def load_tracks(
         n_frames, 2), NaN where unseen.
 
         ``.mat``: a benchmark's file, with a struct ``Data`` (KT3DMoSeg, MTPV62,
-        Hopkins12) or with ``y`` and ``s`` (Hopkins155).
+        Hopkins12), with ``y`` and ``s`` (Hopkins155), or with ``data`` and ``label``
+        (AdelaideRMF, two images).
 
         ``.csv``: with a header ``track,frame,x,y`` (and ``label``, if known), one row
         per observation, frames counted from any number; or one row per track and two
@@ -214,7 +215,7 @@ def _read_npy(path, layout):
 
 
 def _read_mat(path):
-    content, found = read_mat5(path, ("Data", "y", "s"))
+    content, found = read_mat5(path, ("Data", "y", "s", "data", "label"))
     if "Data" in content:
         return _read_struct(content["Data"])
     if "y" in content and "s" in content:
@@ -222,7 +223,15 @@ def _read_mat(path):
             "data": _pack_homogeneous(content["y"], None, "y"),
             "target": _labels_from_one(content["s"]),
         }
-    raise ValueError(f"expected a struct 'Data' or the arrays 'y' and 's'; got {found}")
+    if "data" in content and "label" in content:
+        return {
+            "data": _pack_correspondences(content["data"]),
+            "target": _labels_from_one(content["label"]),
+        }
+    raise ValueError(
+        "expected a struct 'Data' or the arrays 'y' and 's', or 'data' and 'label'; "
+        f"got {found}"
+    )
 
 
 def _read_struct(data):
@@ -254,6 +263,23 @@ def _pack_homogeneous(points, visibility, name):
             f"{name!r} must have shape (3, n_tracks, n_frames); got {points.shape}"
         )
     return pack_tracks(np.moveaxis(points[:2], 0, 2).astype(float), visibility)
+
+
+def _pack_correspondences(data):
+    """Tracks from homogeneous pixels of two images, (6, n_tracks)."""
+    data = np.asarray(data)
+    if data.dtype.kind not in "fiub":
+        raise ValueError(f"'data' must be numbers; got an array of {data.dtype}")
+    if data.ndim == 1:  # of a single track
+        data = data[:, None]
+    if data.ndim != 2 or data.shape[0] != 6:
+        raise ValueError(
+            "'data' must have shape (6, n_tracks), homogeneous pixels of two images; "
+            f"got {data.shape}"
+        )
+    if not (data[[2, 5]] == 1).all():
+        raise ValueError("rows 3 and 6 of 'data' must be 1: pixels are homogeneous")
+    return data[[0, 1, 3, 4]].T.astype(float)
 
 
 def _labels_from_one(labels):

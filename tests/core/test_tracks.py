@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg._core.geometry.tracks import (
     apply_similarity,
+    covisible_pairs,
     frame_pairs,
     normalization,
     similarity,
@@ -382,3 +383,38 @@ def test_tracks_in_one_spot_have_scale_one(spot, n):
     centres, scale = working_coordinates(points, np.ones((n, 2), dtype=bool))
     assert_allclose(centres, [spot, spot])
     assert scale == 1
+
+
+def test_pairs_of_a_video_are_the_usual_ones():
+    visibility = np.ones((20, 5), dtype=bool)
+    visibility[:3, 2:] = False
+    usual = frame_pairs(5)
+    assert covisible_pairs(visibility, usual) is usual
+    assert covisible_pairs(np.eye(5, dtype=bool), usual) is usual  # none is seen twice
+
+
+def test_pairs_of_photographs_see_the_same_tracks():
+    usual = frame_pairs(4)
+    visibility = np.zeros((30, 4), dtype=bool)
+    visibility[:12, [0, 2]] = visibility[12:22, [1, 3]] = visibility[22:, :2] = True
+    assert_array_equal(covisible_pairs(visibility, usual), [[0, 1], [0, 2], [1, 3]])
+
+
+def test_pairs_of_many_photographs_are_those_with_most_in_common(rng):
+    n_frames = 12
+    visibility = rng.uniform(size=(400, n_frames)) < 0.15
+    visibility[:, -1] = False
+    visibility[:2, [0, -1]] = True  # the last is seen with the first alone
+    pairs = covisible_pairs(visibility, frame_pairs(n_frames))
+    assert len(pairs) <= 24 + n_frames
+    assert set(pairs.ravel().tolist()) == set(range(n_frames))
+    assert (pairs[:, 0] < pairs[:, 1]).all()
+    taken = {tuple(pair) for pair in pairs.tolist()}
+    common = {
+        (i, j): (visibility[:, i] & visibility[:, j]).sum()
+        for i in range(n_frames)
+        for j in range(i + 1, n_frames)
+    }
+    least = sorted(common.values())[-24]
+    assert all(pair in taken for pair, n in common.items() if n > least)
+    assert all(common[pair] > 0 for pair in taken)

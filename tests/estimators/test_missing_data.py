@@ -342,3 +342,18 @@ def test_masked_points_are_unseen():
         for tracks in (X, masked)
     )
     assert_array_equal(labels, expected)
+
+
+def test_tracks_of_photographs_are_seen_in_pairs_of_any_distance():
+    X, y = make_rigid_motions(80, 6, 2, missing=0, random_state=0)
+    visibility = np.zeros((80, 6), dtype=bool)
+    for track in range(80):  # in two or three of six, mostly not consecutive
+        visibility[
+            track, [track % 6, (track + 2) % 6, (track + 4) % 6][: 2 + y[track]]
+        ] = 1
+    X = np.where(np.repeat(visibility, 2, axis=1), X, np.nan)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X)
+    assert "too short" not in segmenter.label_reasons_
+    gap = MotionSegmenter(2, n_hypotheses=50, frame_gap=2, random_state=0)
+    sampler, _ = gap.fit(X).views_["affine"]
+    assert_array_equal(np.diff(sampler.frame_pairs_).ravel(), 2)  # as it was asked for

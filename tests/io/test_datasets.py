@@ -19,6 +19,7 @@ from sklearn.utils import Bunch
 
 from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg.datasets import (
+    load_adelaide,
     load_hopkins12,
     load_hopkins155,
     load_kt3dmoseg,
@@ -579,11 +580,53 @@ def test_hopkins155(full_clip, tmp_path):
     assert_array_equal(first.target, y)
 
 
+def write_two_images(path, data, label, **more):
+    images = {"img1": np.zeros((4, 6, 3), np.uint8), "score": np.ones(len(data.T))}
+    content = {"data": data, "label": label, **images, **more}
+    scipy.io.savemat(path, content)
+
+
+def two_images(n=5):
+    """Pixels (n, 4) and the homogeneous ones (6, n) of a file."""
+    X = np.random.default_rng(0).uniform(0, 600, size=(n, 4))
+    ones = np.ones((1, n))
+    return X, np.concatenate([X[:, :2].T, ones, X[:, 2:].T, ones])
+
+
+def test_adelaide(tmp_path):
+    X, data = two_images()
+    label = np.array([[0, 1, 2, 1, 0]], dtype=np.uint8)
+    for name in ("cubes", "book"):
+        write_two_images(tmp_path / f"{name}.mat", data, label)
+    first, second = load_adelaide(tmp_path)
+    assert (first.name, second.name) == ("book", "cubes")
+    assert_array_equal(first.data, X)
+    assert_array_equal(first.target, [-1, 0, 1, 0, -1])
+    assert unpack_tracks(second.data)[0].shape == (5, 2, 2)
+
+
+@pytest.mark.parametrize(
+    "change, message",
+    [
+        (lambda data: data[:4], r"shape \(6, n_tracks\), .* got \(4, 5\)"),
+        (lambda data: data * 2, "rows 3 and 6 of 'data' must be 1"),
+        (lambda data: data[:, :4], "4 tracks need as many labels"),
+        (lambda data: data.astype(str), "'data' must be numbers"),
+    ],
+)
+def test_what_is_wrong_with_two_images_is_said(change, message, tmp_path):
+    _, data = two_images()
+    write_two_images(tmp_path / "book.mat", change(data), np.ones((1, 5)))
+    with pytest.raises(ValueError, match=message):
+        load_adelaide(tmp_path)
+
+
 REAL = {
     "KT3DMoSeg": (load_kt3dmoseg, 11, "Seq005_Clip01", {2, 3, 4}),
     "Hopkins155": (load_hopkins155, 79, "1R2RC", {2, 3}),
     "MTPV62": (load_mtpv62, 6, "MTPV_data_Boat", {2, 3}),
     "Hopkins12": (load_hopkins12, 4, "oc2R3RCRT", {2, 3}),
+    "AdelaideRMF": (load_adelaide, 10, "biscuit", {1, 2, 3, 4}),
 }
 
 

@@ -10,8 +10,10 @@ from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
+import scipy.io
 from helpers.moseg_files import write_definition, write_tracks
 from helpers.track_files import write_struct
+from helpers.two_images import two_images
 from numpy.testing import assert_array_equal
 from rich.console import Console
 
@@ -408,6 +410,19 @@ def test_bench_takes_what_it_finds_and_knows(run, benchmarks, monkeypatch):
         assert f"│ {name} " in seconds
     for dataset in ("Hopkins155", "MTPV62"):
         assert dataset not in printed
+
+
+def test_bench_takes_pairs_of_images_which_the_paper_does_not(
+    run, tmp_path, monkeypatch
+):
+    monkeypatch.setattr("skmotionseg._commands.runs.MotionSegmenter", LargestMotionOnly)
+    X, y = two_images([20, 15], 10)
+    data = np.insert(X, [2, 4], 1, axis=1).T
+    (tmp_path / "AdelaideRMF").mkdir()
+    path = tmp_path / "AdelaideRMF" / "book.mat"
+    scipy.io.savemat(path, {"data": data, "label": y[None] + 1})
+    _, printed, _ = run(*bench(tmp_path, "--seeds", 1, "--methods", "default"))
+    assert "AdelaideRMF: 1 sequences" in printed
 
 
 @pytest.fixture

@@ -77,6 +77,7 @@ def test_the_contract():
         "unpack_tracks",
     }
     assert set(datasets.__all__) == {
+        "load_adelaide",
         "load_bms26",
         "load_complex_background",
         "load_davis16",

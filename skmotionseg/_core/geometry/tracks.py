@@ -11,6 +11,9 @@ import numpy.typing as npt
 # Points are in one spot when they lie closer than this share of their coordinates: the
 # mean of equal numbers is not always that number.
 ROUNDING = 1e-12
+# Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
+# how many of those with most tracks in common.
+ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
 
 
 LAYOUTS = ("tracks_first", "frames_first")
@@ -272,6 +275,40 @@ def frame_pairs(n_frames, frame_gap=1):
     """Index pairs ``(f, f + frame_gap)``; shape (n_frames - frame_gap, 2)."""
     first = np.arange(n_frames - frame_gap)
     return np.column_stack([first, first + frame_gap])
+
+
+def covisible_pairs(visibility, usual):
+    """Frame pairs that see the tracks, where the usual ones see too few of them.
+
+    The images of unordered photographs have no neighbours: what is seen in two of them
+    may be seen in no two that follow one another. If the usual pairs see fewer than
+    four fifths of the tracks that some pair sees, the pairs are those with most tracks
+    in common, each frame with at least one other.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    usual : ndarray of int, shape (n_pairs, 2)
+
+    Returns
+    -------
+    ndarray of int, shape (n_pairs, 2)
+        The first frame of a pair before the second.
+    """
+    joinable = visibility[visibility.sum(axis=1) > 1]
+    reached = np.zeros(len(joinable), dtype=bool)
+    for first, second in usual:
+        reached |= joinable[:, first] & joinable[:, second]
+    if len(joinable) == 0 or reached.mean() >= ENOUGH_REACHED:
+        return usual
+    common = joinable.T.astype(np.intp) @ joinable  # tracks that frames share
+    pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
+    order = np.argsort(-common[tuple(pairs.T)], kind="stable")[:MOST_COVISIBLE]
+    np.fill_diagonal(common, -1)
+    nearest = np.column_stack([np.arange(len(common)), common.argmax(axis=1)])
+    chosen = np.concatenate([pairs[order], np.sort(nearest, axis=1)])
+    chosen = np.unique(chosen, axis=0)
+    return chosen[common[tuple(chosen.T)] > 0]
 
 
 def non_empty_frames(visibility, fewest):

@@ -193,6 +193,10 @@ class Explanation:
     motions: Motions
     spare: Motions
 
+    def nearest(self, points, visibility, labels):
+        """The labels as they are: whom a track moves with, the graph knows better."""
+        return labels
+
     def reject(self, points, visibility, labels):
         """Labels with -1 for the tracks that are inliers of nothing.
 

@@ -20,6 +20,11 @@ from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
 from .rigid_search import NATS_OF_LINKS, RigidSearch, rigid_partitions
+from .two_view_partitions import (
+    TWO_VIEW_COST_NAMES,
+    TwoViewExplanation,
+    two_view_partitions,
+)
 
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
@@ -54,7 +59,8 @@ class PartitionSearch:
         Position of the count that was chosen.
     shares : ndarray of shape (n,)
         Of each track's affinity, what is to others of its motion in the chosen one.
-    explanation : Explanation or None
+        Between two images, the probability that it has the label.
+    explanation : Explanation, TwoViewExplanation or None
         Of the chosen partition, if outliers are to be rejected.
     gainless : ndarray of int, shape (n_counts, 2), optional
         Two motions that gain too little from being apart, for each count that was
@@ -68,6 +74,9 @@ class PartitionSearch:
         Their weights in the total.
     cost_tolerance : float
         Totals that differ by no more are considered equal.
+    outliers : ndarray of bool, shape (n,), optional
+        Tracks that have no motion in the chosen partition, though they have a label;
+        None if the explanation tells them.
     """
 
     counts: np.ndarray
@@ -75,12 +84,13 @@ class PartitionSearch:
     labels: np.ndarray
     best: int
     shares: np.ndarray
-    explanation: Explanation | None = None
+    explanation: Explanation | TwoViewExplanation | None = None
     gainless: np.ndarray | None = None
     log_odds: np.ndarray | None = None
     cost_names: tuple[str, str] = COST_NAMES
     cost_weights: tuple[float, float] = COST_WEIGHTS
     cost_tolerance: float = 1e-9
+    outliers: np.ndarray | None = None
 
 
 def search_partitions(
@@ -92,14 +102,16 @@ def search_partitions(
     cluster,
     reject_outliers=True,
     stratified=False,
+    seed=0,
 ):
     """Find the best partition for each of several numbers of motions.
 
     Candidates are spectral clusterings for several sparsities and over-segmentations
     that are merged step by step. Where tracks are seen in several frames, the judge is
-    rigid motion over windows of frames (see :mod:`.rigid_search`); of two images, and
-    of few or short tracks, fundamental matrices of frame pairs and the cut of the graph
-    (see :mod:`.cost`).
+    rigid motion over windows of frames (see :mod:`.rigid_search`); of few or short
+    tracks, fundamental matrices of frame pairs and the cut of the graph (see
+    :mod:`.cost`). Between two images, where most tracks may be mismatches, motions are
+    searched for one by one, without the graph (see :mod:`.two_view_search`).
 
     Outliers would be judged, too, and make the background look badly described. So
     tracks that are inliers of no over-segment are left out and only get the label of
@@ -121,14 +133,21 @@ def search_partitions(
     reject_outliers : bool, default=True
     stratified : bool, default=False
         Whether the tracks are landmarks, as many from each over-segment of the video.
+    seed : int, default=0
+        Of the search between two images.
 
     Returns
     -------
     PartitionSearch
     """
     connected = connected_tracks(views)
-    views = views[:, connected[:, None], connected]
     some = points[connected], visibility[connected]
+    if points.shape[1] == 2:
+        rng = np.random.RandomState(seed)
+        between = two_view_partitions(clip_geometry(*some), counts, rng)
+        if between is not None:
+            return _between_two_images(between, connected, len(points), reject_outliers)
+    views = views[:, connected[:, None], connected]
     clip = _Clip(*some, views, sparsities, stratified)
     judged, segments = np.arange(len(connected)), None
     if reject_outliers:
@@ -138,20 +157,55 @@ def search_partitions(
     found = _by_rigid_motion(clip, counts, cluster)
     if found is None:
         found = _by_frame_pairs(clip, counts, cluster)
-    best, chosen = found.best, found.chosen
-    explanation = _explain(clip, best[chosen][1], segments) if reject_outliers else None
+    explanation = None
+    if reject_outliers:
+        explanation = _explain(clip, found.best[found.chosen][1], segments)
+    return _of_all_tracks(found, whole, judged, connected, len(points), explanation)
+
+
+def _of_all_tracks(found, whole, judged, connected, n_tracks, explanation):
+    """What was found in the tracks that were judged, for all tracks."""
+    best = found.best
     labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
+    shares = own_shares(whole.sparse[-1], labels[found.chosen])
     return PartitionSearch(
         np.array(list(labels)),
         np.array([best[count][0] for count in labels]),
-        _put(connected, np.stack(list(labels.values())), len(points), -1),
-        list(labels).index(chosen),
-        _put(connected, own_shares(whole.sparse[-1], labels[chosen]), len(points), 0.0),
+        _put(connected, np.stack(list(labels.values())), n_tracks, -1),
+        list(labels).index(found.chosen),
+        _put(connected, shares, n_tracks, 0.0),
         explanation,
         np.array([found.gainless.get(count, (-1, -1)) for count in labels]),
         np.array([found.log_odds.get(count, np.nan) for count in labels]),
         *found.costs,
     )
+
+
+def _between_two_images(found, connected, n_tracks, reject_outliers):
+    """What a search between two images has found in the tracks that are connected."""
+    labels = np.stack([labels for _, labels in found.best.values()])
+    nobody = np.full((len(labels), 2), -1)
+    return PartitionSearch(
+        np.array(list(found.best)),
+        np.array([cost for cost, _ in found.best.values()]),
+        _put(connected, labels, n_tracks, -1),
+        list(found.best).index(found.chosen),
+        _put(connected, found.probabilities, n_tracks, 0.0),
+        found.explanation if reject_outliers else None,
+        nobody,
+        _rising_odds(found),
+        TWO_VIEW_COST_NAMES,
+        (1.0, 1.0),
+        outliers=_put(connected, found.outliers, n_tracks, False)
+        if reject_outliers
+        else None,
+    )
+
+
+def _rising_odds(found):
+    """Log odds of each number; NaN for the fewest, and where there is one alone."""
+    odds = [found.log_odds.get(count, np.nan) for count in found.best]
+    return np.array([np.nan, *odds[1:]])
 
 
 class _Found(NamedTuple):

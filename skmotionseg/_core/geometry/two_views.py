@@ -1,0 +1,370 @@
+"""Motions between two images, each a density of where its points go.
+
+A fundamental matrix leaves the place along the epipolar line free, so that in two
+images any motion explains a few in a hundred of all mismatches, and many tracks of
+other motions. But the depths of a thing vary little against its distance: along the
+line, too, its points are near where an affine map takes them. So the density of a point
+of the second image, given its place in the first, is here the product of two, both of
+Student's t: across the epipolar line, as wide as the noise, and along it, about the
+affine map, as wide as the parallax of the thing. A plane or a distant thing has next to
+no parallax; the density knows its points in both coordinates then, as a homography
+does, and no choice between models is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+from scipy.special import gammaln
+
+from .epipolar import cheapest_rank_two
+from .motion_models import epipolar_equations, homogeneous
+
+# Degrees of freedom of Student's t: scales of noise that differ by a factor of two
+# from track to track leave tails like these.
+FREEDOM = 4.0
+# A pixel of an image of 640 x 480, as a share of the side of a square of that area.
+PIXEL = 1 / 550
+# In such pixels: the noise that is expected, and its least and largest value.
+NOISE, LEAST_NOISE, MOST_NOISE = 1.0, 0.15, 2.0
+# Tracks that the expected noise counts as, and those that the noise of all motions
+# together counts as, when that of one is estimated.
+TRACKS_OF_NOISE, TRACKS_OF_COMMON_NOISE = 5.0, 50.0
+# Parallax, as a share of the side, that is expected, and the tracks it counts as.
+PARALLAX, TRACKS_OF_PARALLAX = 0.0125, 2.0
+# Unknowns of the epipolar geometries that compete, of an affine and of a perspective
+# camera, and of the affine map along the line.
+AFFINE_UNKNOWNS, PERSPECTIVE_UNKNOWNS, MAP_UNKNOWNS = 4, 7, 3
+# Tracks below which the geometry is that of an affine camera.
+FEWEST_FOR_PERSPECTIVE = 9
+# Added to what is inverted, as a share of its trace.
+SINGULAR = 1e-12
+TINY = np.finfo(float).tiny
+
+
+@dataclass(frozen=True)
+class TwoViews:
+    """Places of tracks in two images.
+
+    Attributes
+    ----------
+    x, y : ndarray of shape (n, 3)
+        Homogeneous, in working units, the origin amid the tracks of each image.
+    side : float
+        Side of a square as large as what the tracks cover, in working units.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    side: float
+
+    def __len__(self):
+        return len(self.x)
+
+    @property
+    def pixel(self):
+        """A pixel of an image of 640 x 480, in working units."""
+        return self.side * PIXEL
+
+    @property
+    def log_density_of_mismatches(self):
+        """Of a point that may be anywhere in the second image."""
+        return -2 * np.log(self.side)
+
+    @cached_property
+    def equations(self):
+        """Products of entries of the epipolar equations, (n, 81)."""
+        return _products(epipolar_equations(self.x, self.y))
+
+    @cached_property
+    def joint(self):
+        """Products of both places and 1, (n, 25)."""
+        return _products(np.concatenate([self.x[:, :2], self.y], axis=1))
+
+    @cached_property
+    def places(self):
+        """Products of the places in the first image, (n, 9)."""
+        return _products(self.x)
+
+    @cached_property
+    def moves(self):
+        """Products of the places in both images, (n, 6)."""
+        return (self.x[:, :, None] * self.y[:, None, :2]).reshape(len(self), 6)
+
+
+def _products(rows):
+    return (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+
+
+def two_views(x, y):
+    """Put correspondences into one system.
+
+    Parameters
+    ----------
+    x, y : ndarray of shape (n, 2)
+        In working units.
+
+    Returns
+    -------
+    TwoViews
+    """
+    extents = np.concatenate([np.ptp(x, axis=0), np.ptp(y, axis=0)])
+    # A still camera's single row of points has no area.
+    extents = np.maximum(extents, max(1e-3 * extents.max(), 1e-9))
+    return TwoViews(homogeneous(x), homogeneous(y), float(np.prod(extents) ** 0.25))
+
+
+@dataclass(frozen=True)
+class TwoViewMotions:
+    """Several motions between two images.
+
+    Attributes
+    ----------
+    fundamental : ndarray of shape (M, 3, 3)
+        Of rank two.
+    affine : ndarray of shape (M, 3, 2)
+        Takes homogeneous places of the first image, as rows, to the second.
+    noise, parallax : ndarray of shape (M,)
+        Widths of the density across and along the epipolar line, in working units.
+    n_unknowns : ndarray of int, shape (M,)
+        Of the epipolar geometry: 4 of an affine and 7 of a perspective camera.
+    """
+
+    fundamental: np.ndarray
+    affine: np.ndarray
+    noise: np.ndarray
+    parallax: np.ndarray
+    n_unknowns: np.ndarray
+
+    def __len__(self):
+        return len(self.fundamental)
+
+    def __getitem__(self, chosen):
+        """Some of the motions."""
+        return TwoViewMotions(*(part[chosen] for part in self._parts))
+
+    def __add__(self, other):
+        """These motions and then others."""
+        both = zip(self._parts, other._parts, strict=True)
+        return TwoViewMotions(*(np.concatenate(parts) for parts in both))
+
+    @property
+    def _parts(self):
+        return [getattr(self, field.name) for field in fields(self)]
+
+    def replaced(self, where, other):
+        """These motions, but those of another stack where it is true, (M,)."""
+        return TwoViewMotions(
+            *(
+                np.where(where.reshape(-1, *[1] * (own.ndim - 1)), theirs, own)
+                for own, theirs in zip(self._parts, other._parts, strict=True)
+            )
+        )
+
+    def log_densities(self, views):
+        """Log density of each point of the second image, (M, n), given the first."""
+        across, along, _ = squared_distances(self.fundamental, self.affine, views)
+        return log_student(across, self.noise) + log_student(along, self.parallax)
+
+    def costs(self, views):
+        """Nats to write down each motion, (M,).
+
+        Each unknown costs what a coordinate that may be anywhere costs more than one
+        that is known: so many coordinates of tracks determine the motion, and are not
+        explained by it. Those of the geometry are known but for the noise, those of the
+        map along the line but for the parallax.
+        """
+        known = np.log(views.side / np.sqrt(2 * np.pi * np.e))
+        across, along = (
+            np.maximum(known - np.log(width), 1)
+            for width in (self.noise, self.parallax)
+        )
+        return self.n_unknowns * across + MAP_UNKNOWNS * along
+
+
+def log_student(squares, scale, dimension=1):
+    """Log density of Student's t, of given squared distances (..., n) from its middle.
+
+    Parameters
+    ----------
+    squares : ndarray of shape (M, n)
+    scale : ndarray of shape (M,)
+    dimension : int, default=1
+
+    Returns
+    -------
+    ndarray of shape (M, n)
+    """
+    half = (FREEDOM + dimension) / 2
+    constant = float(gammaln(half) - gammaln(FREEDOM / 2))
+    constant -= dimension / 2 * np.log(FREEDOM * np.pi)
+    logarithms = np.log1p(squares * (1 / (FREEDOM * scale**2))[:, None])
+    logarithms *= -half
+    logarithms += (constant - dimension * np.log(scale))[:, None]
+    return logarithms
+
+
+def _weights(squares, scale):
+    """Weights of the squares (M, n) of a t distribution in its likelihood equations."""
+    return (FREEDOM + 1) / (FREEDOM + squares / scale[:, None] ** 2)
+
+
+def squared_distances(fundamental, affine, views):
+    """Squared distances of tracks across and along the epipolar lines of motions.
+
+    Parameters
+    ----------
+    fundamental : ndarray of shape (M, 3, 3)
+    affine : ndarray of shape (M, 3, 2)
+    views : TwoViews
+
+    Returns
+    -------
+    across : ndarray of shape (M, n)
+        Squared Sampson errors (Hartley and Zisserman 2004, eq. 11.9).
+    along : ndarray of shape (M, n)
+        Squared distances from where the affine map takes the track, parallel to the
+        epipolar line in the second image.
+    gradient : ndarray of shape (M, n)
+        Squared gradient of the epipolar equation.
+    """
+    lines, back = views.x @ fundamental.swapaxes(1, 2), views.y @ fundamental
+    normal = lines[..., 0] ** 2 + lines[..., 1] ** 2
+    gradient = normal + back[..., 0] ** 2 + back[..., 1] ** 2
+    gradient = np.maximum(gradient, TINY)
+    across = (views.y * lines).sum(axis=2) ** 2 / gradient
+    gap = views.y[:, :2] - views.x @ affine
+    along = lines[..., 0] * gap[..., 1] - lines[..., 1] * gap[..., 0]
+    return across, along**2 / np.maximum(normal, TINY), gradient
+
+
+# ---------------------------------------------------------------------------- fitting
+
+
+def fit_two_view_motions(views, shares, before=None, common_noise=True):
+    """Fit motions to the shares that they have in the tracks.
+
+    A step of the EM algorithm for mixtures of t distributions (Peel and McLachlan 2000)
+    from the motions as they were. Each is fitted with the epipolar geometry of an
+    affine and of a perspective camera, and keeps the one of lower cost.
+
+    Parameters
+    ----------
+    views : TwoViews
+    shares : ndarray of shape (M, n)
+        Probabilities that a track follows a motion.
+    before : TwoViewMotions, optional
+        None begins with equal weights of the tracks.
+    common_noise : bool, default=True
+        Whether the noise of each motion is drawn to that of all.
+
+    Returns
+    -------
+    TwoViewMotions
+    """
+    if before is None:
+        before = _begin(views, shares)
+    affine, perspective = (
+        _step(views, shares, before, fit, n_unknowns, common_noise)
+        for fit, n_unknowns in (
+            (_affine_geometries, AFFINE_UNKNOWNS),
+            (_perspective_geometries, PERSPECTIVE_UNKNOWNS),
+        )
+    )
+    lengths = [
+        each.costs(views) - (shares * each.log_densities(views)).sum(axis=1)
+        for each in (affine, perspective)
+    ]
+    better = lengths[1] < lengths[0]
+    better &= shares.sum(axis=1) >= FEWEST_FOR_PERSPECTIVE
+    return affine.replaced(better, perspective)
+
+
+def _begin(views, shares):
+    """Motions of affine cameras, their densities wide."""
+    fundamental, affine = _affine_geometries(views, shares), _maps(views, shares)
+    _, along, _ = squared_distances(fundamental, affine, views)
+    return TwoViewMotions(
+        fundamental,
+        affine,
+        np.full(len(shares), MOST_NOISE * NOISE * views.pixel),
+        _parallax(views, shares, along),
+        np.full(len(shares), AFFINE_UNKNOWNS),
+    )
+
+
+def _step(views, shares, before, fit, n_unknowns, common_noise):
+    """Motions whose geometry is fitted by a function, from motions before."""
+    across, along, gradient = squared_distances(
+        before.fundamental, before.affine, views
+    )
+    weights = shares * _weights(across, before.noise)
+    fundamental = fit(views, weights, gradient)
+    affine = _maps(views, shares * _weights(along, before.parallax))
+    across, along, _ = squared_distances(fundamental, affine, views)
+    weights = shares * _weights(across, before.noise)
+    noise = _noise(views, shares, weights * across, n_unknowns, common_noise)
+    along = _weights(along, before.parallax) * along
+    parallax = np.maximum(_parallax(views, shares, along), noise)
+    kinds = np.full(len(shares), n_unknowns)
+    return TwoViewMotions(fundamental, affine, noise, parallax, kinds)
+
+
+def _noise(views, shares, squares, n_unknowns, common_noise):
+    """Widths across the lines, (M,), from weighted squares (M, n)."""
+    pixel = views.pixel
+    sums, members = squares.sum(axis=1), shares.sum(axis=1)
+    prior, weight = NOISE * pixel, 2.0
+    if common_noise:
+        freedom = members.sum() - n_unknowns * len(shares)
+        freedom = max(freedom, 0) + TRACKS_OF_NOISE
+        prior = np.sqrt((sums.sum() + TRACKS_OF_NOISE * prior**2) / freedom)
+        weight = TRACKS_OF_COMMON_NOISE
+    freedom = np.maximum(members - n_unknowns + weight, 1)
+    noise = np.sqrt((sums + weight * prior**2) / freedom)
+    return np.clip(noise, LEAST_NOISE * pixel, MOST_NOISE * NOISE * pixel)
+
+
+def _parallax(views, shares, squares):
+    """Widths along the lines, (M,), from weighted squares (M, n)."""
+    expected = TRACKS_OF_PARALLAX * (PARALLAX * views.side) ** 2
+    freedom = shares.sum(axis=1) - MAP_UNKNOWNS + TRACKS_OF_PARALLAX
+    variance = ((shares * squares).sum(axis=1) + expected) / np.maximum(freedom, 1)
+    return np.maximum(np.sqrt(variance), LEAST_NOISE * views.pixel)
+
+
+def _maps(views, weights):
+    """Affine maps (M, 3, 2) of least squared error."""
+    places = (weights @ views.places).reshape(-1, 3, 3)
+    moves = (weights @ views.moves).reshape(-1, 3, 2)
+    trace = np.trace(places, axis1=1, axis2=2)[:, None, None]
+    return np.linalg.solve(places + (1e-7 * trace + SINGULAR) * np.eye(3), moves)
+
+
+def _affine_geometries(views, weights, gradient=None):
+    """Fundamental matrices of affine cameras: planes through the joint places.
+
+    Hartley and Zisserman 2004, algorithm 14.1, with weights.
+    """
+    moments = (weights @ views.joint).reshape(-1, 5, 5)
+    total = moments[:, 4, 4] + SINGULAR
+    mean = moments[:, :4, 4] / total[:, None]
+    scatter = moments[:, :4, :4] / total[:, None, None]
+    scatter -= mean[:, :, None] * mean[:, None, :]
+    normal = np.linalg.eigh(scatter)[1][:, :, 0]  # (M, 4)
+    fundamental = np.zeros((len(weights), 3, 3))
+    fundamental[:, 2, :2], fundamental[:, :2, 2] = normal[:, :2], normal[:, 2:]
+    fundamental[:, 2, 2] = -(normal * mean).sum(axis=1)
+    return fundamental
+
+
+def _perspective_geometries(views, weights, gradient):
+    """Fundamental matrices (M, 3, 3) of least weighted Sampson error."""
+    weights = weights / np.maximum(gradient, 1e-6 * gradient.max(axis=1, keepdims=True))
+    weights /= weights.max(axis=1, keepdims=True) + TINY
+    moments = (weights @ views.equations).reshape(-1, 9, 9)
+    trace = np.trace(moments, axis1=1, axis2=2)[:, None, None]
+    inverse = np.linalg.inv(moments / (trace + TINY) + SINGULAR * np.eye(9))
+    return cheapest_rank_two(inverse)

@@ -1,0 +1,194 @@
+"""Partitions of the tracks of two images, as a search over partitions hands them on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..geometry.description_length import WorkingFrames
+from ..geometry.motion_models import homogeneous
+from ..geometry.two_views import TwoViewMotions, TwoViews
+from ..labels import canonical_labels
+from .cost import Cost
+from .motions import Motions
+from .two_view_search import search_two_views
+
+# The terms of a cost.
+TWO_VIEW_COST_NAMES = ("nats of labels and motions per track", "nats of places")
+# Nats that count as evidence against one: tails, neighbours and noise are not quite as
+# they are taken to be, and what was searched for is found more often than by chance.
+# On simulated pairs of images, probabilities are about as often right as they say.
+TEMPERATURE = 8.0
+
+
+@dataclass(frozen=True)
+class TwoViewExplanation:
+    """The motions of two images, which place and reject tracks by their densities.
+
+    Attributes
+    ----------
+    frames : WorkingFrames
+        Of one frame pair.
+    side : float
+        As of :class:`TwoViews`.
+    found : TwoViewMotions
+    log_shares : ndarray of shape (M + 1,)
+        Logarithms of the shares of the tracks; the last is that of mismatches.
+    """
+
+    frames: WorkingFrames
+    side: float
+    found: TwoViewMotions
+    log_shares: np.ndarray
+
+    @property
+    def motions(self):
+        """The motions as fundamental matrices and noise."""
+        fundamental = self.found.fundamental[:, None]
+        return Motions(self.frames, fundamental, self.found.noise)
+
+    def reordered(self, order):
+        """The same with the motions in another order."""
+        log_shares = self.log_shares[[*order, len(self.found)]]
+        return TwoViewExplanation(
+            self.frames, self.side, self.found[np.asarray(order)], log_shares
+        )
+
+    def nearest(self, points, visibility, labels):
+        """Labels of the most probable motions, where both images see the track.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, 2, 2)
+        visibility : ndarray of bool, shape (n, 2)
+        labels : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        seen, logarithms = self._log_probabilities(points, visibility)
+        labels = labels.copy()
+        labels[seen] = logarithms[:-1].argmax(axis=0)
+        return labels
+
+    def reject(self, points, visibility, labels):
+        """Labels with -1 for the tracks that are more likely to be mismatches.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, 2, 2)
+        visibility : ndarray of bool, shape (n, 2)
+        labels : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        seen, logarithms = self._log_probabilities(points, visibility)
+        mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
+        labels = labels.copy()
+        labels[np.flatnonzero(seen)[mismatched]] = -1
+        return labels
+
+    def _log_probabilities(self, points, visibility):
+        """Which tracks are seen, (n,); log probabilities (M + 1, n_seen)."""
+        seen, x, y = self.frames.observe(points, visibility)
+        views = TwoViews(homogeneous(x), homogeneous(y), self.side)
+        mismatches = np.full((1, len(x)), views.log_density_of_mismatches)
+        densities = np.concatenate([self.found.log_densities(views), mismatches])
+        return seen[0], densities + self.log_shares[:, None]
+
+
+class TwoViewPartitions(NamedTuple):
+    """The best partitions of the tracks of two images.
+
+    Attributes
+    ----------
+    best : dict of int to (Cost, ndarray)
+        Cost and labels of all tracks for each number of motions.
+    chosen : int
+    log_odds : dict of int to float
+        Of so many motions against fewer.
+    outliers : ndarray of bool, shape (n,)
+        Mismatches of the chosen partition.
+    probabilities : ndarray of shape (n,)
+        Of the labels in the chosen partition.
+    explanation : TwoViewExplanation
+    """
+
+    best: dict[int, tuple[Cost, np.ndarray]]
+    chosen: int
+    log_odds: dict[int, float]
+    outliers: np.ndarray
+    probabilities: np.ndarray
+    explanation: TwoViewExplanation
+
+
+def two_view_partitions(geometry, counts, rng):
+    """Partition the tracks of two images.
+
+    Parameters
+    ----------
+    geometry : ClipGeometry
+        Of two frames, in which all tracks are seen.
+    counts : ndarray of int, shape (n_counts,)
+        Numbers of motions that are open, ascending.
+    rng : RandomState
+
+    Returns
+    -------
+    TwoViewPartitions or None
+        None if there are too few tracks, or if what they tell is not of such numbers.
+    """
+    search = search_two_views(geometry.x, geometry.y, counts, rng)
+    if search is None or not set(search.best) & set(counts.tolist()):
+        return None
+    open_counts = sorted(set(search.best) & set(counts.tolist()))
+    labels = {count: _complete(search.best[count]) for count in open_counts}
+    costs = {count: _cost(search.best[count], geometry) for count in open_counts}
+    chosen = min(open_counts, key=lambda count: costs[count].total)
+    found = search.best[chosen]
+    order = [labels[chosen].tolist().index(label) for label in range(chosen)]
+    order = found.shares[:-1].argmax(axis=0)[order].tolist()
+    shares = found.shares.sum(axis=1)
+    explanation = TwoViewExplanation(
+        geometry.frames,
+        search.scene.views.side,
+        found.motions,
+        np.log((shares + 1) / (shares + 1).sum()),
+    )
+    return TwoViewPartitions(
+        {count: (costs[count], labels[count]) for count in open_counts},
+        chosen,
+        _log_odds(search.best),
+        found.labels == chosen,
+        found.shares.max(axis=0),
+        explanation.reordered(order),
+    )
+
+
+def _complete(found):
+    """Labels of all tracks, mismatches as of their most probable motion."""
+    return canonical_labels(found.shares[:-1].argmax(axis=0))
+
+
+def _cost(found, geometry):
+    """Cost per track; places are known to a square pixel."""
+    n = len(found.labels)
+    places = found.data_cost / n + 2 * np.log(geometry.frames.scale)
+    others = (found.cost - found.data_cost) / n
+    return Cost(others, places, others + places)
+
+
+def _log_odds(best):
+    """Log odds of each number against the best of fewer motions."""
+    counts = sorted(best)
+    return {
+        count: (min(best[fewer].cost for fewer in counts[:position]) - best[count].cost)
+        / TEMPERATURE
+        for position, count in enumerate(counts)
+        if position
+    }
