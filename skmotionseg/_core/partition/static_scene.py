@@ -14,8 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
+from ..geometry.poses import Poses
 from ..geometry.rigid_motion import (
-    Poses,
     fit_rigid_motions,
     refine_rigid_motions,
 )

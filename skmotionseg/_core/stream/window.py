@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.poses import Poses, relative_to
 from ..geometry.resection import inverse_depths, next_poses, resect
 from ..geometry.rigid_motion import (
-    Poses,
     fit_rigid_motions,
     refine_rigid_motions,
-    relative_to,
     squared_residuals,
 )
 from ..geometry.windows import FEWEST_SEEN, LEAST_NOISE, REFERENCE_WIDTH
