@@ -76,8 +76,10 @@ def starting_motions(x, problems, reference):
                 depths,
             )
         )
-    parts = [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
-    return *_resected(problems, *parts), parts[2]
+    rotations, translations, depths = (
+        np.concatenate(part, axis=1) for part in zip(*parts, strict=True)
+    )
+    return *_resected(problems, rotations, translations, depths), depths
 
 
 def _resected(problems, rotations, translations, depths):
