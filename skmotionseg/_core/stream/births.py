@@ -18,6 +18,8 @@ FEWEST_MEMBERS, NATS_PER_TRACK, LEAST_SAVED = 6, 3.0, 60.0
 ROUNDS = 2
 # Tracks of each of two motions that a joint one is fitted to.
 JOINTLY = 20
+# Residuals that say as much as one that is independent: noise of trackers drifts.
+ALIKE_IN_TIME = 2.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
 
@@ -90,7 +92,7 @@ def joint_motion(window, scale, fits, groups):
     for fit, rows in zip(fits, groups, strict=True):
         saved -= measure(window, [fit], scale, rows, [rows]).nats.sum()
     price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
-    return best, float(saved - price)
+    return best, float(saved - ALIKE_IN_TIME * price)
 
 
 def _spread(rows):
