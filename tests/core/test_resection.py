@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skmotionseg._core.geometry.poses import Poses, relative_to, rotations_of
 from skmotionseg._core.geometry.resection import inverse_depths, next_poses, resect
-from skmotionseg._core.geometry.rigid_motion import Poses, relative_to, rotations_of
 
 
 @pytest.fixture

@@ -36,3 +36,11 @@ def test_motions_explain_their_tracks_and_go_on(windows):
 def test_group_of_few_tracks_has_no_motion(windows):
     (first, _), groups = windows
     assert first.fit([groups[0][:3]]) == [None]
+
+
+def test_residuals_of_few_tracks_are_corrected_the_most(windows):
+    (first, _), groups = windows
+    (fit,) = first.fit(groups[:1])
+    few, some = (first.inflation(groups[0][:n], fit) for n in (5, 20))
+    assert few > 3 > some > 1
+    assert first.inflation(groups[0][:1], fit) < np.inf

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .rigid_motion import NEAREST, rotations_of
+from .poses import kept_away, lower_medians, rotations_of
 
 ITERATIONS = 6
 # Residuals are weighted by Cauchy's function of this many medians.
@@ -48,7 +48,7 @@ def inverse_depths(rays, x, seen, poses):
     return top / (bottom + 1e-12)
 
 
-def resect(rays, depths, x, weights, starts, floor):
+def resect(rays, depths, x, weights, starts, floor, iterations=ITERATIONS):
     """Rotations and translations to a frame in which known points are seen.
 
     Parameters
@@ -63,8 +63,9 @@ def resect(rays, depths, x, weights, starts, floor):
         0 for points that are not seen in it.
     starts : (ndarray of shape (B, 3, 3), ndarray of shape (B, 3))
         Rotations and translations to begin with.
-    floor : float
+    floor : float or ndarray of shape (B,)
         Least scale of the residuals.
+    iterations : int, optional
 
     Returns
     -------
@@ -74,10 +75,10 @@ def resect(rays, depths, x, weights, starts, floor):
         Of the residuals' lengths; infinite where no point is seen.
     """
     rotations, translations = starts
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         residuals, jacobian = _linearised(rays, depths, x, rotations, translations)
         sizes = np.linalg.norm(residuals, axis=-1)
-        scale = MEDIANS * np.maximum(_weighted_medians(sizes, weights), floor)
+        scale = MEDIANS * np.maximum(lower_medians(sizes, weights > 0), floor)
         scale = np.where(np.isfinite(scale), scale, 1)
         robust = weights / (1 + (sizes / scale[:, None]) ** 2)
         change = _solved(jacobian, residuals, robust)
@@ -85,7 +86,7 @@ def resect(rays, depths, x, weights, starts, floor):
         translations = translations + change[:, 3:]
     residuals, _ = _linearised(rays, depths, x, rotations, translations)
     sizes = np.linalg.norm(residuals, axis=-1)
-    return rotations, translations, _weighted_medians(sizes, weights)
+    return rotations, translations, lower_medians(sizes, weights > 0)
 
 
 def next_poses(poses, valid):
@@ -118,8 +119,7 @@ def _linearised(rays, depths, x, rotations, translations):
     """Residuals (B, n, 2), and the images' derivatives by the pose (B, n, 2, 6)."""
     turned = rays @ rotations.swapaxes(-1, -2)
     points = turned + depths[..., None] * translations[:, None]
-    far = points[..., 2]
-    far = np.where(np.abs(far) < NEAREST, np.where(far < 0, -NEAREST, NEAREST), far)
+    far = kept_away(points[..., 2])
     image = points[..., :2] / far[..., None]
     (u, v), (a, b, c) = np.moveaxis(image, -1, 0), np.moveaxis(turned, -1, 0)
     zero = np.zeros_like(u)
@@ -141,11 +141,3 @@ def _solved(jacobian, residuals, weights):
     diagonal = np.einsum("bii->bi", normal)
     more = DAMPING * (diagonal + diagonal.mean(axis=1, keepdims=True)) + 1e-12
     return np.linalg.solve(normal + more[..., None] * np.eye(6), right)[..., 0]
-
-
-def _weighted_medians(sizes, weights):
-    """Medians of what counts, (B,); infinite where nothing does."""
-    counted = weights > 0
-    values = np.sort(np.where(counted, sizes, np.inf), axis=1)
-    middle = np.maximum(counted.sum(axis=1) - 1, 0) // 2
-    return np.take_along_axis(values, middle[:, None], axis=1)[:, 0]

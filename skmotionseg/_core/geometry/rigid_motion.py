@@ -2,18 +2,16 @@
 
 A group moves by a rotation and a translation per frame, and each of its tracks has one
 free number: its inverse depth in the reference frame. All problems of a batch, one per
-group and window of frames, are solved at a time. Poses start from the instantaneous
-motion of Heeger and Jepson [1]_ and are refined by Levenberg-Marquardt with the depths
-eliminated (Triggs et al. [2]_, sec. 6), under a Student-t cost of each track's
-residuals, so that a track counts less the worse it fits.
+group and window of frames, are solved at a time. Poses start as in :mod:`.starts` and
+are refined by Levenberg-Marquardt with the depths eliminated (Triggs et al. [1]_, sec.
+6), under a Student-t cost of each track's residuals, so that a track counts less the
+worse it fits.
 
 Coordinates are calibrated: pixels from the principal point over the focal length.
 
 References
 ----------
-.. [1] D. J. Heeger and A. D. Jepson, "Subspace methods for recovering rigid motion I",
-   IJCV 7(2), 1992. https://doi.org/10.1007/BF00128130
-.. [2] B. Triggs, P. McLauchlan, R. Hartley and A. Fitzgibbon, "Bundle adjustment: a
+.. [1] B. Triggs, P. McLauchlan, R. Hartley and A. Fitzgibbon, "Bundle adjustment: a
    modern synthesis", 1999. https://doi.org/10.1007/3-540-44480-7_21
 """
 
@@ -23,11 +21,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-# Directions of translation that are tried for a start, over half a sphere: a multiple
-# of four.
-N_DIRECTIONS = 48
-# Starts of each kind (see `_starts`), and iterations from each start and from the best.
-STARTS_PER_KIND = 2
+from .poses import Poses, kept_away, lower_medians, relative_to, rotations_of
+from .starts import starting_motions
+
+# Iterations from each start and from the best.
 FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
 # Nats: a step that changes the cost by less is the last.
 CONVERGED = 0.01
@@ -35,26 +32,9 @@ CONVERGED = 0.01
 FREEDOM = 3.0
 # A standard deviation over the median of residuals is about this.
 SCALE_OF_MEDIAN = 1.2
-# Points are kept this far, in units of the reference depth, from a camera's plane,
-# where their image is infinite.
-NEAREST = 0.05
 
 
-class Poses(NamedTuple):
-    """Camera poses relative to a group, by problem and frame.
-
-    Attributes
-    ----------
-    rotations : ndarray of shape (B, L, 3, 3)
-    translations : ndarray of shape (B, L, 3)
-        In units of the depth of which inverse depths are.
-    """
-
-    rotations: np.ndarray
-    translations: np.ndarray
-
-
-class _Problems(NamedTuple):
+class Problems(NamedTuple):
     """Observations of a batch, frames before tracks."""
 
     x: np.ndarray  # (B, L, n, 2), in all frames but the reference
@@ -66,7 +46,7 @@ class _Problems(NamedTuple):
     freedom: np.ndarray  # (B, n), residuals per track, less its depth
 
     def repeated(self, times):
-        return _Problems(*(np.repeat(each, times, axis=0) for each in self))
+        return Problems(*(np.repeat(each, times, axis=0) for each in self))
 
 
 class _State(NamedTuple):
@@ -97,20 +77,6 @@ class _State(NamedTuple):
         return _State(*(each[some] for each in self))
 
 
-def rotations_of(vectors):
-    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
-    small = angle < 1e-8
-    safe = np.where(small, 1, angle)
-    sine = np.where(small, 1, np.sin(safe) / safe)
-    cosine = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
-    cross = np.zeros((*vectors.shape, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
-    cross -= cross.swapaxes(-1, -2)
-    return np.eye(3) + sine * cross + cosine * (cross @ cross)
-
-
 def fit_rigid_motions(x, seen, weights, floor, reference):
     """Fit the poses of groups of tracks, from several starts.
 
@@ -131,7 +97,7 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
     Poses
     """
     problems = _problems(x, seen, weights, floor, reference)
-    starts = _starts(x, seen, problems, reference)
+    starts = starting_motions(x, problems, reference)
     times = starts[2].shape[1]
     repeated = problems.repeated(times)
     state = _state(repeated, *(each.reshape(-1, *each.shape[2:]) for each in starts))
@@ -206,7 +172,7 @@ def squared_residuals(x, seen, poses):
 def _image_of(points, M, r, x, seen):
     """Images (B, L, 2, n), distances (B, L, n) and residuals of points (B, 3, n)."""
     p = M @ points[:, None] + r[..., None]  # (B, L, 3, n)
-    distance = _kept_away(p[:, :, 2])
+    distance = kept_away(p[:, :, 2])
     image = p[:, :, :2] / distance[:, :, None]
     return image, distance, (x - image) * seen[:, None]
 
@@ -235,20 +201,13 @@ def _solve_points(jacobian, left, damping):
     return np.einsum("ijbn,bjn->bin", minors, g) / determinant[:, None]
 
 
-def _kept_away(distance):
-    """Distances from the camera's plane that are not nearly zero."""
-    return np.where(
-        np.abs(distance) < NEAREST, np.where(distance < 0, -NEAREST, NEAREST), distance
-    )
-
-
 def _problems(x, seen, weights, floor, reference):
     others = np.delete(np.arange(x.shape[2]), reference)
     rays = np.concatenate([x[:, :, reference], np.ones((*x.shape[:2], 1))], axis=-1)
     there = seen[:, :, reference] & (weights > 0)
     seen = (seen[:, :, others] & there[..., None]).swapaxes(1, 2)
     times_seen = seen.sum(axis=1)
-    return _Problems(
+    return Problems(
         x=x[:, :, others].swapaxes(1, 2),
         seen=seen,
         rays=rays,
@@ -267,29 +226,10 @@ def _poses(state, reference):
     )
 
 
-def relative_to(poses, reference):
-    """The same motions, the pose in another frame being the identity.
-
-    Parameters
-    ----------
-    poses : Poses
-        Of B motions.
-    reference : int or sequence of B int
-
-    Returns
-    -------
-    Poses
-    """
-    batch = np.arange(len(poses.rotations))
-    turned = poses.rotations @ poses.rotations[batch, reference, None].swapaxes(-1, -2)
-    moved = (turned @ poses.translations[batch, reference, None, :, None])[..., 0]
-    return Poses(turned, poses.translations - moved)
-
-
 def _state(problems, rotations, translations, depths):
     turned = problems.rays[:, None] @ rotations.swapaxes(-1, -2)  # (B, L, n, 3)
     points = turned + depths[:, None, :, None] * translations[:, :, None]
-    distance = _kept_away(points[..., 2])
+    distance = kept_away(points[..., 2])
     image = points[..., :2] / distance[..., None]
     residuals = np.where(problems.seen[..., None], problems.x - image, 0)
     squares = (residuals**2).sum(axis=(1, 3))
@@ -300,7 +240,7 @@ def _state(problems, rotations, translations, depths):
 
 def _scale(problems, state):
     """Robust standard deviation of the residuals, at least the floor: (B,)."""
-    medians = counted_medians(state.squares / problems.freedom, problems.counted)
+    medians = lower_medians(state.squares / problems.freedom, problems.counted)
     medians = np.where(np.isfinite(medians), medians, 0)
     return np.maximum(problems.floor, SCALE_OF_MEDIAN * np.sqrt(medians))
 
@@ -310,13 +250,6 @@ def _cost(problems, state, scale):
     unit = FREEDOM * scale[:, None] ** 2
     costs = (FREEDOM + problems.freedom) * np.log1p(state.squares / unit)
     return (problems.weights * costs).sum(axis=1)
-
-
-def counted_medians(values, counted):
-    """Lower medians over the last axis of what counts; infinite where nothing does."""
-    values = np.sort(np.where(counted, values, np.inf), axis=-1)
-    middle = np.maximum(np.broadcast_to(counted, values.shape).sum(axis=-1) - 1, 0) // 2
-    return np.take_along_axis(values, middle[..., None], -1)[..., 0]
 
 
 def _minimise(problems, state, iterations):
@@ -409,103 +342,3 @@ def _depths(problems, rotations, translations):
     left = (turned[..., :2] - problems.x * turned[..., 2:]) * seen
     top, bottom = (slope * left).sum(axis=(1, 3)), (slope**2).sum(axis=(1, 3))
     return top / (bottom + 1e-12)
-
-
-def _starts(x, seen, problems, reference):
-    """Rotations (B, S, L', 3, 3), translations and depths (B, S, n) to start from.
-
-    Of two kinds: from the farthest frame, which shows small motions best, and from the
-    next frame, which shows large ones best; in both cases carried on at constant speed.
-    """
-    n_frames = x.shape[2]
-    next_frame = reference + 1 if reference + 1 < n_frames else reference - 1
-    far_frame = n_frames - 1 if reference <= n_frames // 2 else 0
-    there = seen[:, :, reference] & (problems.weights > 0)
-    others = np.delete(np.arange(n_frames), reference)
-    parts = []
-    for frame in (far_frame, next_frame):
-        both = there & seen[:, :, frame]
-        few = both.sum(axis=1) < np.minimum(6, there.sum(axis=1))
-        frames = np.where(few, next_frame, frame)
-        some = np.arange(len(x))
-        both = there & seen[some, :, frames]
-        speed = (others - reference) / (frames - reference)[:, None]  # (B, L')
-        motion = _instantaneous(x[:, :, reference], x[some, :, frames], both)
-        turns, directions, depths = motion
-        parts.append(
-            (
-                rotations_of(turns[:, :, None] * speed[:, None, :, None]),
-                directions[:, :, None] * speed[:, None, :, None],
-                depths,
-            )
-        )
-    return tuple(np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
-
-
-def _directions(n):
-    """Unit vectors (n, 3) over half a sphere, the same in a mirrored image."""
-    k = np.arange(n // 4) + 0.5
-    z, phi = 4 * k / n, np.pi / 2 * ((1 + np.sqrt(5)) / 2 * k % 1)
-    r = np.sqrt(1 - z**2)
-    quarter = np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
-    mirrors = np.array([(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
-    return (mirrors[:, None] * quarter).reshape(-1, 3)
-
-
-def _instantaneous(x, y, both):
-    """Rotation vectors, translations (B, k, 3) and depths (B, k, n) of small motions.
-
-    For each direction of translation the rotation of least squares, weighted robustly,
-    from the flow across the direction in which the translation moves each point; the
-    best few of these (Heeger and Jepson 1992).
-    """
-    turning, moving = _flow_matrices((x + y) / 2)
-    flow = y - x
-    directions = _directions(N_DIRECTIONS)
-    along = np.einsum("bnij,dj->bdni", moving, directions)  # (B, D, n, 2)
-    length = np.linalg.norm(along, axis=-1) + 1e-3
-    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / length[..., None]
-    rows = np.einsum("bdni,bnij->bdnj", across, turning)
-    left = np.einsum("bdni,bni->bdn", across, flow)
-    turns, scores = _robust_turns(rows, left, both)
-    order = np.argsort(scores, axis=1, kind="stable")[:, :STARTS_PER_KIND]
-    batch = np.arange(len(x))[:, None]
-    turns, along, directions = (
-        turns[batch, order],
-        along[batch, order],
-        directions[order],
-    )
-    rest = flow[:, None] - np.einsum("bnij,bkj->bkni", turning, turns)
-    depths = (rest * along).sum(axis=-1) / ((along**2).sum(axis=-1) + 1e-4)
-    sign = np.sign(np.where(both[:, None], depths, 0).sum(axis=-1, keepdims=True))
-    sign[sign == 0] = 1
-    size = counted_medians(np.abs(depths), both[:, None])[..., None]
-    size = np.where(np.isfinite(size), np.maximum(size, 1e-6), 1e-6)
-    depths = np.where(both[:, None], sign * depths / size, 1).clip(-3, 10)
-    return turns, directions * sign * size, depths
-
-
-def _robust_turns(rows, left, both, sweeps=4, floor=1e-5):
-    """Rotation vectors (B, D, 3) from (B, D, n, 3) and (B, D, n), and their medians."""
-    weights = np.broadcast_to(both[:, None].astype(float), left.shape)
-    for _ in range(sweeps):
-        weighted = (rows * weights[..., None]).swapaxes(-1, -2)
-        normal = weighted @ rows + 1e-9 * np.eye(3)
-        turns = np.linalg.solve(normal, weighted @ left[..., None])
-        errors = np.abs(left - (rows @ turns)[..., 0])
-        medians = counted_medians(errors, both[:, None])
-        scale = np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
-        weights = both[:, None] / (1 + (errors / (2 * scale[..., None])) ** 2)
-    return turns[..., 0], medians
-
-
-def _flow_matrices(x):
-    """Matrices (..., 2, 3) that take rotation and translation over depth to flow."""
-    a, b = np.moveaxis(x, -1, 0)
-    one, zero = np.ones_like(a), np.zeros_like(a)
-    turning = [[-a * b, 1 + a**2, -b], [-(1 + b**2), a * b, a]]
-    moving = [[one, zero, -a], [zero, one, -b]]
-    return (
-        np.stack([np.stack(row, axis=-1) for row in turning], axis=-2),
-        np.stack([np.stack(row, axis=-1) for row in moving], axis=-2),
-    )

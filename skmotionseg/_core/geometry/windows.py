@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .poses import Poses
 from .rigid_motion import (
-    Poses,
     fit_rigid_motions,
     refine_rigid_motions,
     squared_residuals,

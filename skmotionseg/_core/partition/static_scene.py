@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
+from ..geometry.poses import Poses, lower_medians
 from ..geometry.rigid_motion import (
-    Poses,
-    counted_medians,
     fit_rigid_motions,
     refine_rigid_motions,
 )
@@ -313,7 +312,7 @@ class _Window:
         explained = view.deviations < LARGE * self._noise_of(view)
         steps = np.abs(view.depths[self._around] - view.depths[:, None])
         steps *= view.shifts[:, None]
-        usual = counted_medians(steps, explained[self._around])[explained]
+        usual = lower_medians(steps, explained[self._around])[explained]
         usual = usual[np.isfinite(usual)]
         usual = float(np.median(usual)) if len(usual) else 0.0
         noise = np.hypot(self._noise_of(view), SCALE_OF_SPREAD * usual)

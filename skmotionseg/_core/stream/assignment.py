@@ -50,13 +50,18 @@ class Residuals(NamedTuple):
         return Residuals(squares[:, left], freedom[:, left], nats[:, left], self.scale)
 
 
-def measure(window, fits, scale, rows=None):
+def measure(window, fits, scale, rows=None, groups=None):
     """Residuals of tracks of a window from motions.
 
-    Where a motion is known in some of a track's frames only, the others cost the same
-    as these; where in none, the track costs most.
+    With ``groups``, the tracks that each motion was fitted to, what the fits have taken
+    from these tracks' residuals is given back. Where a motion is known in some of a
+    track's frames only, the others cost the same as these; where in none, the track
+    costs most.
     """
     squares, freedom = window.squares(fits, rows)
+    for k, (fit, group) in enumerate(zip(fits, groups or [], strict=False)):
+        fitted = group if rows is None else np.isin(rows, group)
+        squares[fitted, k] *= window.inflation(group, fit)
     every = window.freedom if rows is None else window.freedom[rows]
     ratio = np.where(freedom > 0, squares, 0) / (FREEDOM * scale**2)
     nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)

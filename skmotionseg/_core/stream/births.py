@@ -18,6 +18,8 @@ FEWEST_MEMBERS, NATS_PER_TRACK, LEAST_SAVED = 6, 3.0, 60.0
 ROUNDS = 2
 # Tracks of each of two motions that a joint one is fitted to.
 JOINTLY = 20
+# Residuals that say as much as one that is independent: noise of trackers drifts.
+ALIKE_IN_TIME = 2.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
 
@@ -60,7 +62,7 @@ def find_candidate(window, residuals, chosen, points, seen_now, rng):
 
 
 def joint_motion(window, scale, fits, groups):
-    """One motion for the tracks of two, and how much worse it is than their own.
+    """One motion for the tracks of two, and what two motions save.
 
     Parameters
     ----------
@@ -74,9 +76,9 @@ def joint_motion(window, scale, fits, groups):
     fit : Fit or None
         The best of what can be refined from either, and fitted from the start, to some
         tracks of both.
-    apart : float
-        Median logarithm of the ratio of squared deviations, of the group for which it
-        is greater; infinite if there is no fit.
+    saved : float
+        Nats by which two motions describe the tracks of both groups in fewer words, the
+        numbers of the second motion included; infinite if there is no fit.
     """
     some = np.sort(np.concatenate([_spread(rows) for rows in groups]))
     found = [*window.fit([some, some], list(fits)), *window.fit([some])]
@@ -85,11 +87,12 @@ def joint_motion(window, scale, fits, groups):
         return None, np.inf
     costs = measure(window, found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
-    apart = [
-        apartness(window, measure(window, [fit, best], scale, rows), 0)[1]
-        for fit, rows in zip(fits, groups, strict=True)
-    ]
-    return best, float(max(apart))
+    both = np.concatenate(groups)
+    saved = measure(window, [best], scale, both, [both]).nats.sum()
+    for fit, rows in zip(fits, groups, strict=True):
+        saved -= measure(window, [fit], scale, rows, [rows]).nats.sum()
+    price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
+    return best, float(saved - ALIKE_IN_TIME * price)
 
 
 def _spread(rows):

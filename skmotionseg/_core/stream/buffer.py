@@ -28,6 +28,8 @@ class TrackBuffer:
         Label before a candidate took the track.
     outlying : ndarray of bool, shape (n,)
         Whether the track was an outlier when it was last seen.
+    doubtful : ndarray of bool, shape (n,)
+        Whether its motion did not explain it then.
     memory : ndarray of shape (n, M)
         Nats by which earlier frames speak against each living motion.
     """
@@ -39,6 +41,7 @@ class TrackBuffer:
         self.labels = np.empty(0, dtype=np.int64)
         self.before = np.empty(0, dtype=np.int64)
         self.outlying = np.empty(0, dtype=bool)
+        self.doubtful = np.empty(0, dtype=bool)
         self.memory = np.empty((0, 0))
 
     def push(self, points, ids):
@@ -70,6 +73,7 @@ class TrackBuffer:
         self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
         self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
         self.outlying = _grown(self.outlying[kept], n_new, False)[order]
+        self.doubtful = _grown(self.doubtful[kept], n_new, False)[order]
         self.memory = _grown(self.memory[kept], n_new, 0)[order]
         rows = np.searchsorted(self.ids, ids)
         self.points[rows, -1], self.seen[rows, -1] = points, True

@@ -18,7 +18,7 @@ BADLY, MOST_REFITTED = 1.0, 2
 # Frames until a motion is fitted so again, if it fits badly, and in any case.
 REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
 # Frames after which a candidate is a motion, or is none, and by how much it is apart.
-CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 3.0
+CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 2.0
 # Apartness below which two motions are alike, and frames of it after which one that
 # was apart for less than so many frames is merged with the other.
 ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 10

@@ -12,13 +12,15 @@ from .births import LEAST_FREEDOM, UNEXPLAINED, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
 from .history import History
 from .identities import Numbers, Trace
-from .living import APART, LivingMotion, advance, compare, refit, verdict
+from .living import LivingMotion, advance, compare, refit, verdict
 from .window import FEWEST_TRACKS, LENGTH, Camera, Window
 
 # Frames, tracks and observations of each by which motions are found at first.
 FIRST_FRAMES, FIRST_TRACKS, FIRST_SEEN = 10, 16, 4
 # The scale of residuals, in units of their median, and the share of it that follows.
 SCALE_OF_NOISE, FOLLOWING = 2.0, 0.05
+# Factors by which the best of a few focal lengths is improved.
+FOCAL_STEPS = (1.25, 1.12, 1.06)
 # Frames from one look for new motions to the next.
 FRAMES_PER_LOOK = 3
 # Frames in which nothing goes on after which the film was cut: a stray one is none.
@@ -163,23 +165,36 @@ class MotionStream:
 
     def _calibrated(self, rows, groups):
         """Fits of groups, with the camera and the scale that explain them best."""
-        best, found = np.inf, [None] * len(groups)
         some = self.buffer.points[self.buffer.seen]
-        for share in FOCAL_LENGTHS:
-            camera = Camera.around(some, share)
-            window = Window(self.buffer.points, self.buffer.seen, camera)
-            fits = window.fit(groups)
-            known = [fit for fit in fits if fit]
-            if not known:
-                break
-            measured = measure(window, known, camera.noise, rows)
-            total = measured.nats.min(axis=1).sum()
-            if total < best:
-                best, found, self.camera = total, fits, camera
-                deviations = measured.deviations().min(axis=1)
-                noise = SCALE_OF_NOISE * np.median(deviations[np.isfinite(deviations)])
-                self.scale = camera.noise * max(1.0, float(noise))
+        tried: dict[float, tuple] = {}
+
+        def nats(share):
+            if share not in tried:
+                tried[share] = self._fits_before(
+                    Camera.around(some, share), rows, groups
+                )
+            return tried[share][0]
+
+        best = min(FOCAL_LENGTHS, key=nats)
+        for step in FOCAL_STEPS:
+            best = min((best, best * step, best / step), key=nats)
+        total, camera, found, deviation = tried[best]
+        if np.isfinite(total):
+            self.camera = camera
+            self.scale = camera.noise * max(1.0, SCALE_OF_NOISE * deviation)
         return found
+
+    def _fits_before(self, camera, rows, groups):
+        """Nats of tracks before a camera, the camera, fits, and median deviation."""
+        window = Window(self.buffer.points, self.buffer.seen, camera)
+        fits = window.fit(groups)
+        known = [fit for fit in fits if fit]
+        if not known:
+            return np.inf, camera, fits, 0.0
+        measured = measure(window, known, camera.noise, rows)
+        deviations = measured.deviations().min(axis=1)
+        deviation = np.median(deviations[np.isfinite(deviations)])
+        return measured.nats.min(axis=1).sum(), camera, fits, float(deviation)
 
     def _begin(self, group, fit, static):
         """Let a motion live that was found at a start."""
@@ -200,7 +215,7 @@ class MotionStream:
     def _follow(self):
         """Bring motions, and the labels of tracks, to the newest frame."""
         window = Window(self.buffer.points, self.buffer.seen, self.camera)
-        groups = self._groups()
+        groups = self._fitted()
         advance(window, self.motions, groups)
         refit(window, self.motions, groups, self.scale, self.frame)
         residuals = self._assign(window)
@@ -228,6 +243,18 @@ class MotionStream:
         labels = np.where(self.buffer.outlying, UNKNOWN, self.buffer.labels)
         return [np.flatnonzero(labels == motion.number) for motion in self.motions]
 
+    def _fitted(self):
+        """Rows of the tracks to which each living motion is fitted.
+
+        What follows it only because nothing else explains it does not bend it, as long
+        as half of its tracks are explained.
+        """
+        found = []
+        for rows in self._groups():
+            explained = rows[~self.buffer.doubtful[rows]]
+            found.append(explained if 2 * len(explained) >= len(rows) else rows)
+        return found
+
     def _columns(self):
         """Living motion of each track; -1 for none."""
         columns = np.full(len(self.buffer.ids), UNKNOWN)
@@ -238,7 +265,8 @@ class MotionStream:
     def _assign(self, window):
         """Residuals of all tracks from all motions, by which tracks follow one."""
         buffer, now = self.buffer, self.buffer.seen[:, -1]
-        residuals = measure(window, [m.fit for m in self.motions], self.scale)
+        fits = [motion.fit for motion in self.motions]
+        residuals = measure(window, fits, self.scale, groups=self._fitted())
         columns = self._columns()
         shares = np.zeros_like(residuals.nats)
         voters = np.where(window.freedom[now] >= LEAST_FREEDOM, columns[now], UNKNOWN)
@@ -253,6 +281,8 @@ class MotionStream:
         buffer.memory = np.where(now[:, None], kept, buffer.memory)
         own = np.take_along_axis(residuals.deviations(), chosen[:, None], 1)[:, 0]
         buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
+        doubtful = (own > UNEXPLAINED) & (window.freedom >= LEAST_FREEDOM)
+        buffer.doubtful = np.where(now, doubtful, buffer.doubtful)
         self._follow_noise(own[now])
         return residuals
 
@@ -378,8 +408,8 @@ class MotionStream:
             rows = np.setdiff1d(rows, members)
             if motion.number == former and len(rows) >= FEWEST_TRACKS:
                 fits = motion.fit, fit
-                joint, apart = joint_motion(window, self.scale, fits, (rows, members))
-                if apart < APART:
+                joint, saved = joint_motion(window, self.scale, fits, (rows, members))
+                if saved <= 0:
                     motion.fit = joint
                     return True
         return False

@@ -6,12 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.poses import Poses, relative_to
 from ..geometry.resection import inverse_depths, next_poses, resect
 from ..geometry.rigid_motion import (
-    Poses,
     fit_rigid_motions,
     refine_rigid_motions,
-    relative_to,
     squared_residuals,
 )
 from ..geometry.windows import FEWEST_SEEN, LEAST_NOISE, REFERENCE_WIDTH
@@ -23,6 +22,8 @@ FEWEST_TRACKS = 4
 MOST_FITTED = 40
 # Iterations from given poses, which are nearly right.
 ITERATIONS = 4
+# Share of the numbers that it is fitted to that a motion has of its own, at most.
+MOST_LEVERAGE = 0.8
 # A reference frame sees this share of a group's tracks that the newest frame sees.
 SHARE_IN_REFERENCE = 0.7
 
@@ -197,6 +198,33 @@ class Window:
             squares[place] = squared_residuals(x, seen[known], poses).T
             freedom[place] = (2 * times[known] - 3)[:, None]
         return squares, freedom
+
+    def inflation(self, rows, fit):
+        """How many times larger squared residuals are than those of a fit to tracks.
+
+        A motion of few tracks follows their noise. What is left of a residual is one
+        less its leverage: on average the share of the numbers fitted to that the motion
+        has of its own.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+            Tracks that the motion was fitted to.
+        fit : Fit
+
+        Returns
+        -------
+        float
+        """
+        numbers = self.freedom[rows].sum()
+        numbers *= min(1.0, MOST_FITTED / max(len(rows), 1))
+        leverage = self.own_numbers(fit) / max(numbers, 1)
+        return 1 / (1 - min(leverage, MOST_LEVERAGE)) ** 2
+
+    @staticmethod
+    def own_numbers(fit):
+        """Numbers that a motion has: six per frame but the first, less its scale."""
+        return max(6 * (int(fit.valid.sum()) - 1) - 1, 0)
 
     def _some(self, rows):
         """A reference frame, and tracks seen in it that a motion is fitted to."""

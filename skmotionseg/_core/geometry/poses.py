@@ -1,0 +1,72 @@
+"""Poses of rigid motions before a calibrated camera."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Points are kept this far, in units of the reference depth, from a camera's plane,
+# where their image is infinite.
+NEAREST = 0.05
+
+
+class Poses(NamedTuple):
+    """Camera poses relative to a group, by problem and frame.
+
+    Attributes
+    ----------
+    rotations : ndarray of shape (B, L, 3, 3)
+    translations : ndarray of shape (B, L, 3)
+        In units of the depth of which inverse depths are.
+    """
+
+    rotations: np.ndarray
+    translations: np.ndarray
+
+
+def rotations_of(vectors):
+    """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    small = angle < 1e-8
+    safe = np.where(small, 1, angle)
+    sine = np.where(small, 1, np.sin(safe) / safe)
+    cosine = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
+    cross = np.zeros((*vectors.shape, 3))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
+    cross -= cross.swapaxes(-1, -2)
+    return np.eye(3) + sine * cross + cosine * (cross @ cross)
+
+
+def relative_to(poses, reference):
+    """The same motions, the pose in another frame being the identity.
+
+    Parameters
+    ----------
+    poses : Poses
+        Of B motions.
+    reference : int or sequence of B int
+
+    Returns
+    -------
+    Poses
+    """
+    batch = np.arange(len(poses.rotations))
+    turned = poses.rotations @ poses.rotations[batch, reference, None].swapaxes(-1, -2)
+    moved = (turned @ poses.translations[batch, reference, None, :, None])[..., 0]
+    return Poses(turned, poses.translations - moved)
+
+
+def kept_away(distance):
+    """Distances from the camera's plane that are not nearly zero."""
+    return np.where(
+        np.abs(distance) < NEAREST, np.where(distance < 0, -NEAREST, NEAREST), distance
+    )
+
+
+def lower_medians(values, counted):
+    """Lower medians over the last axis of what counts; infinite where nothing does."""
+    values = np.sort(np.where(counted, values, np.inf), axis=-1)
+    middle = np.maximum(np.broadcast_to(counted, values.shape).sum(axis=-1) - 1, 0) // 2
+    return np.take_along_axis(values, middle[..., None], -1)[..., 0]
