@@ -298,7 +298,11 @@ def test_memory_without_a_seed_is_warned_of(seed, tracks, tmp_path):
     X, _ = tracks
     seed = np.random.RandomState(0) if seed else None
     segmenter = MotionSegmenter(
-        2, n_hypotheses=20, memory=str(tmp_path), random_state=seed
+        2,
+        selection="ncre",
+        n_hypotheses=20,
+        memory=str(tmp_path),
+        random_state=seed,
     )
     with pytest.warns(UserWarning, match="memory has no effect without an integer ran"):
         segmenter.fit(X)
