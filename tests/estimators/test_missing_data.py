@@ -72,12 +72,13 @@ def assert_valid(labels, n_tracks):
 @pytest.mark.parametrize("fusion", FUSIONS)
 def test_a_track_seen_in_two_frames_joins_its_motion(two_motions, fusion):
     X, y = two_motions
-    short, others = np.split(np.stack([np.flatnonzero(y == m) for m in (0, 1)]), [3], 1)
-    X = hide(X, short.ravel(), all_frames_but(X, 5, 6))
+    of_motion = [np.flatnonzero(y == motion) for motion in (0, 1)]
+    short = np.concatenate([tracks[:3] for tracks in of_motion])
+    X = hide(X, short, all_frames_but(X, 5, 6))
     labels = MotionSegmenter(2, fusion=fusion, **SMALL).fit_predict(X)
-    for motion in (0, 1):
-        largest = np.bincount(labels[others[motion]]).argmax()
-        assert set(labels[short[motion]]) == {largest}
+    for tracks in of_motion:
+        largest = np.bincount(labels[tracks[3:]]).argmax()
+        assert set(labels[tracks[:3]]) == {largest}
     assert misclassification_error(y, labels) < 0.05
 
 

@@ -34,7 +34,16 @@ FITS = {
 }
 TRACKED = ("segment", "{video}", "--motions", "2", "--grid", "12", "--jobs", "2")
 SEGMENT = ("segment", "{tracks}", "--motions", "2", "--selection", "ncre")
-BENCH = ("bench", "--data", "{data}", "--methods", "affine", "--jobs", "1")
+BENCH = (
+    "bench",
+    "--data",
+    "{data}",
+    "--methods",
+    "affine",
+    "homography",
+    "--jobs",
+    "1",
+)
 COMMANDS = {
     "tracking": ("skmotionseg.video._tracking._refine", TRACKED),
     "writing a video": (
