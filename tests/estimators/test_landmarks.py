@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from skmotionseg import MotionSegmenter
+from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._segmenter import views
 from skmotionseg._segmenter.memory import number_of_landmarks
 from skmotionseg._segmenter.views import PAIRS_TO_PLACE
@@ -92,11 +92,13 @@ def test_tracks_are_placed_by_predict_where_fit_put_them(scene, fitted):
 
 @pytest.mark.parametrize("batch_size", [1, 63, 64, 400])
 def test_labels_do_not_depend_on_the_batch(scene, fitted, batch_size, monkeypatch):
-    X, _ = scene
-    others = np.setdiff1d(np.arange(len(X)), fitted.landmarks_)
-    others = others[:50] if batch_size == 1 else others
+    points, visibility = unpack_tracks(scene[0][: 50 if batch_size == 1 else None])
+    known = fitted.labels_[None, fitted.landmarks_]
+    given = fitted.views_, points, visibility, known, None
+    expected = views.place_tracks(*given)
     monkeypatch.setattr(views, "TRACKS_PER_BATCH", batch_size)
-    assert_array_equal(fitted.predict(X[others]), fitted.labels_[others])
+    for placed, at_once in zip(views.place_tracks(*given), expected, strict=True):
+        assert_array_equal(placed, at_once)
 
 
 def test_a_fit_does_not_depend_on_the_batch(scene, fitted, monkeypatch):
