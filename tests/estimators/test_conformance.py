@@ -34,6 +34,7 @@ from skmotionseg import (
     ORKKernel,
     PerSequence,
     SelfTuningModelSelector,
+    make_motion_pipeline,
 )
 
 SMALL = {"n_hypotheses": 20, "random_state": 0}
@@ -95,11 +96,17 @@ CASES = {
     "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
     "MotionSegmenter, any matrix": (AnySegmenter(3, **ENOUGH), set()),
     "MotionSegmenter, affine, count unknown, any matrix": (
-        AnySegmenter(models=("affine",), **ENOUGH),
+        AnySegmenter(models=("affine",), max_motions=5, **ENOUGH),
         set(),
     ),
     "PerSequence": (PerSequence(MotionSegmenter(2, **SMALL)), NOT_SEQUENCES),
-    "PerSequence, any matrix": (AnyPerSequence(MotionSegmenter(2, **SMALL)), set()),
+    # Each row is a scene to segment, whatever with, and a matrix has up to 150 rows.
+    "PerSequence, any matrix": (
+        AnyPerSequence(
+            make_motion_pipeline(("affine",), 2, n_hypotheses=5, random_state=0)
+        ),
+        set(),
+    ),
 }
 
 

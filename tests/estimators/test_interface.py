@@ -32,6 +32,7 @@ from skmotionseg.metrics import misclassification_error, sequence_scorer
 from skmotionseg.plotting import CountDisplay
 
 SMALL = {"n_hypotheses": 50, "random_state": 0}
+QUICK = {"selection": "ncre", **SMALL}  # where only the scorer matters
 SELECTORS = [NCREModelSelector, EigengapModelSelector, SelfTuningModelSelector]
 
 
@@ -44,7 +45,7 @@ def tracks():
 @pytest.fixture(scope="module")
 def sequences():
     """Four short sequences of two motions: (list of X, list of y)."""
-    scenes = [make_rigid_motions(40, 5, 2, random_state=seed) for seed in range(4)]
+    scenes = [make_rigid_motions(30, 5, 2, random_state=seed) for seed in range(4)]
     return [X for X, _ in scenes], [y for _, y in scenes]
 
 
@@ -197,7 +198,7 @@ def test_models_of_a_union_must_be_there(tracks):
 
 def test_scorers_of_scikit_learn_say_what_to_use(sequences):
     X, y = sequences
-    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    estimator = PerSequence(MotionSegmenter(2, **QUICK))
     with pytest.raises(
         ValueError, match=r"use scoring=sequence_scorer\('adjusted_rand_score'\)"
     ):
@@ -209,7 +210,7 @@ def test_scorers_of_scikit_learn_say_what_to_use(sequences):
 @pytest.mark.parametrize("scoring", ["adjusted_rand_score", adjusted_rand_score])
 def test_a_sequence_scorer_is_the_mean_over_sequences(scoring, sequences):
     X, y = sequences
-    estimator = PerSequence(MotionSegmenter(2, **SMALL)).fit(X, y)
+    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X, y)
     y = [np.where(np.arange(len(each)) < 3, -1, each) for each in y]
     expected = np.mean(
         [
@@ -234,7 +235,7 @@ def test_a_scorer_of_ones_own_gets_the_lists(sequences):
     def score(y_true, y_pred):
         return float(len(y_true) == len(y_pred))
 
-    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    estimator = PerSequence(MotionSegmenter(2, **QUICK))
     assert set(cross_val_score(estimator, X, y, scoring=make_scorer(score), cv=2)) == {
         1
     }
@@ -246,7 +247,7 @@ def test_an_unknown_scorer_is_refused_before_any_work():
 
 
 def test_more_folds_than_sequences_say_how_many_there_are(sequences):
-    estimator = PerSequence(MotionSegmenter(2, **SMALL))
+    estimator = PerSequence(MotionSegmenter(2, **QUICK))
     with pytest.raises(ValueError, match="n_samples=4"):
         cross_val_score(estimator, *sequences, cv=5)
 
@@ -297,7 +298,11 @@ def test_memory_without_a_seed_is_warned_of(seed, tracks, tmp_path):
     X, _ = tracks
     seed = np.random.RandomState(0) if seed else None
     segmenter = MotionSegmenter(
-        2, n_hypotheses=20, memory=str(tmp_path), random_state=seed
+        2,
+        selection="ncre",
+        n_hypotheses=20,
+        memory=str(tmp_path),
+        random_state=seed,
     )
     with pytest.warns(UserWarning, match="memory has no effect without an integer ran"):
         segmenter.fit(X)

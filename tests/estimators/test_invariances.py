@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -116,9 +117,6 @@ CHANGES = {
     "rotated": Change(lambda points: rotated(points, 0.7)),
 }
 every_change = pytest.mark.parametrize("name", CHANGES)
-exact_change = pytest.mark.parametrize(
-    "name", [n for n, c in CHANGES.items() if c.exact]
-)
 every_model = pytest.mark.parametrize("model", MODELS)
 
 
@@ -261,21 +259,6 @@ def test_the_spectral_partition_is_the_same(fusion, name):
     assert_same_partition(after, before)
 
 
-@pytest.fixture
-def hand_over(monkeypatch):
-    """Give the sampler minimal sets instead of having it draw them."""
-
-    def hand_over(change):
-        def fit(points, visibility, pairs, model, n_hypotheses, random_state):
-            sets = change.sets(minimal_sets(model.name))
-            assert n_hypotheses == sets.shape[1]
-            return fit_minimal_sets(points, visibility, pairs, model, sets)
-
-        monkeypatch.setattr("skmotionseg.sampling.draw_hypotheses", fit)
-
-    return hand_over
-
-
 def segment(points, n_motions, selection):
     segmenter = MotionSegmenter(
         n_motions, selection=selection, n_hypotheses=N_HYPOTHESES, random_state=0
@@ -283,33 +266,67 @@ def segment(points, n_motions, selection):
     return segmenter.fit(pack_tracks(points))
 
 
-every_way = pytest.mark.parametrize(
-    ("n_motions", "selection"),
-    [(3, "description_length"), ("auto", "description_length"), (3, "ncre")],
-)
+def segment_by_given_sets(change, n_motions, selection):
+    """The changed scene; the sampler is given minimal sets instead of drawing them."""
 
+    def fit(points, visibility, pairs, model, n_hypotheses, random_state):
+        sets = change.sets(minimal_sets(model.name))
+        assert n_hypotheses == sets.shape[1]
+        return fit_minimal_sets(points, visibility, pairs, model, sets)
 
-@every_change
-@every_way
-def test_the_segmentation_is_the_same(name, n_motions, selection, hand_over):
     points, visibility, _ = scene()
+    with mock.patch("skmotionseg.sampling.draw_hypotheses", fit):
+        return segment(change.tracks(points, visibility)[0], n_motions, selection)
+
+
+# The unchanged scene, with which all others are compared.
+@cache
+def unchanged(n_motions, selection):
+    return segment(scene()[0], n_motions, selection)
+
+
+@cache
+def unchanged_by_given_sets(n_motions, selection):
+    return segment_by_given_sets(Change(), n_motions, selection)
+
+
+WAYS = [(3, "description_length"), ("auto", "description_length"), (3, "ncre")]
+every_way = pytest.mark.parametrize(("n_motions", "selection"), WAYS)
+# Of the other axis, or of another scale: what goes wrong with one does with both, and
+# with the number unknown the partition into three is found by the same steps.
+ALIKE = {"upside down", "half as large", "in another unit"}
+
+
+def every_way_of(names):
+    """Each change and way; those that repeat others in the long run alone."""
+    return pytest.mark.parametrize(
+        ("name", "n_motions", "selection"),
+        [
+            pytest.param(name, *way, marks=[pytest.mark.long] if repeats else [])
+            for way in WAYS
+            for name in names
+            for repeats in [name in ALIKE and way == WAYS[0]]
+        ],
+    )
+
+
+@every_way_of(CHANGES)
+def test_the_segmentation_is_the_same(name, n_motions, selection):
     change = CHANGES[name]
-    hand_over(Change())
-    before = segment(points, n_motions, selection)
-    hand_over(change)
-    after = segment(change.tracks(points, visibility)[0], n_motions, selection)
+    before = unchanged_by_given_sets(n_motions, selection)
+    after = segment_by_given_sets(change, n_motions, selection)
     assert before.n_motions_ > 1
     assert_same_partition(after.labels_, change.rows(before.labels_))
 
 
-@exact_change
-@every_way
+@every_way_of([name for name, change in CHANGES.items() if change.exact])
 def test_the_same_seed_draws_the_same_sets_of_a_changed_image(
     name, n_motions, selection
 ):
     points, visibility, _ = scene()
     changed, _ = CHANGES[name].tracks(points, visibility)
-    before, after = (segment(p, n_motions, selection) for p in (points, changed))
+    before = unchanged(n_motions, selection)
+    after = segment(changed, n_motions, selection)
     assert_array_equal(after.labels_, before.labels_)
     assert_array_equal(after.candidate_labels_, before.candidate_labels_)
     assert_allclose(after.costs_, before.costs_, rtol=1e-9)
@@ -358,7 +375,8 @@ def with_empty_frames_between(points, places):
 def test_a_frame_that_sees_nothing_parts_no_neighbours(places, n_motions, selection):
     points, _, _ = scene()
     longer = with_empty_frames_between(points, places)
-    before, after = (segment(p, n_motions, selection) for p in (points, longer))
+    before = unchanged(n_motions, selection)
+    after = segment(longer, n_motions, selection)
     assert_array_equal(after.labels_, before.labels_)
     assert_array_equal(after.candidate_labels_, before.candidate_labels_)
     assert_array_equal(after.costs_, before.costs_)
@@ -374,23 +392,26 @@ def test_a_frame_that_sees_nothing_parts_no_neighbours(places, n_motions, select
 def test_a_frame_that_sees_nothing_changes_nothing(frames, n_motions, selection):
     points, _, _ = scene()
     longer = with_empty_frames(points, **frames)
-    before, after = (segment(p, n_motions, selection) for p in (points, longer))
+    before = unchanged(n_motions, selection)
+    after = segment(longer, n_motions, selection)
     assert_array_equal(after.labels_, before.labels_)
     assert_array_equal(after.candidate_labels_, before.candidate_labels_)
     assert_array_equal(after.costs_, before.costs_)
 
 
+@cache
+def with_landmarks(n_frames, before=0, after=0):
+    X, _ = make_rigid_motions(120, n_frames, 2, missing=0.05, random_state=0)
+    points, _ = unpack_tracks(X)
+    return MotionSegmenter(2, n_landmarks=60, n_hypotheses=40, random_state=0).fit(
+        pack_tracks(with_empty_frames(points, before=before, after=after))
+    )
+
+
 @empty_frames
 @pytest.mark.parametrize("n_frames", [8, 40])  # of 40, some of the pairs place tracks
 def test_a_frame_that_sees_nothing_changes_no_landmark_and_no_place(n_frames, frames):
-    X, _ = make_rigid_motions(120, n_frames, 2, missing=0.05, random_state=0)
-    points, _ = unpack_tracks(X)
-    before, after = (
-        MotionSegmenter(2, n_landmarks=60, n_hypotheses=40, random_state=0).fit(
-            pack_tracks(p)
-        )
-        for p in (points, with_empty_frames(points, **frames))
-    )
+    before, after = with_landmarks(n_frames), with_landmarks(n_frames, **frames)
     assert_array_equal(after.landmarks_, before.landmarks_)
     assert_array_equal(after.labels_, before.labels_)
     assert_array_equal(after.probabilities_, before.probabilities_)

@@ -11,6 +11,8 @@ from skmotionseg import MotionSegmenter, pack_tracks
 from skmotionseg._segmenter import long_clips
 from skmotionseg.metrics import misclassification_error
 
+pytestmark = pytest.mark.xdist_group("long clip")  # fitted once for all
+
 
 @pytest.fixture(scope="module")
 def movie():

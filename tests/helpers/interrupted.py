@@ -33,6 +33,17 @@ FITS = {
     "placing": "skmotionseg._segmenter.views._place_batch",
 }
 TRACKED = ("segment", "{video}", "--motions", "2", "--grid", "12", "--jobs", "2")
+SEGMENT = ("segment", "{tracks}", "--motions", "2", "--selection", "ncre")
+BENCH = (
+    "bench",
+    "--data",
+    "{data}",
+    "--methods",
+    "affine",
+    "homography",
+    "--jobs",
+    "1",
+)
 COMMANDS = {
     "tracking": ("skmotionseg.video._tracking._refine", TRACKED),
     "writing a video": (
@@ -41,19 +52,19 @@ COMMANDS = {
     ),
     "writing labels": (
         "numpy.savez_compressed",
-        ("segment", "{tracks}", "--out", "{out}/labels.npz"),
+        (*SEGMENT, "--out", "{out}/labels.npz"),
     ),
     "writing motions": (
         "numpy.savez_compressed",
-        ("segment", "{tracks}", "--split-dir", "{out}"),
+        (*SEGMENT, "--split-dir", "{out}"),
     ),
     "writing a picture": (
         "matplotlib.figure.Figure.savefig",
-        ("segment", "{tracks}", "--render", "{out}/motions.png"),
+        (*SEGMENT, "--render", "{out}/motions.png"),
     ),
     "bench": (
         "skmotionseg._commands.runs._measure",
-        ("bench", "--data", "{data}", "--jobs", "1", "--json", "{out}/records.json"),
+        (*BENCH, "--json", "{out}/records.json"),
     ),
 }
 
@@ -114,8 +125,7 @@ def left_over(scratch, before):
     return wrong + [f"limited {Path(path).name}" for path in limited]
 
 
-def interrupt_fit(target, scratch):
-    expected = MotionSegmenter(n_jobs=2, **SMALL).fit(X).labels_
+def interrupt_fit(target, scratch, expected):
     patch, calls = interrupting(target)
     wrong, before = [], pools()
     with patch:
@@ -183,7 +193,10 @@ def main(folder):
     os.environ["TMPDIR"] = str(scratch)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     places = make_places(folder)
-    found = {stage: interrupt_fit(target, scratch) for stage, target in FITS.items()}
+    labels = MotionSegmenter(n_jobs=2, **SMALL).fit(X).labels_
+    found = {
+        stage: interrupt_fit(target, scratch, labels) for stage, target in FITS.items()
+    }
     for stage, (target, arguments) in COMMANDS.items():
         out = folder / stage.replace(" ", "_")
         found[stage] = interrupt_command(target, arguments, scratch, out, places)

@@ -38,6 +38,7 @@ distributed = pytest.importorskip(
 pytestmark = pytest.mark.xdist_group("dask")  # one cluster is enough
 
 SMALL = {"n_hypotheses": 50, "random_state": 0}
+QUICK = {"selection": "ncre", **SMALL}  # where the rule is beside the point
 DOOMED = 31  # tracks of the sequence that kills
 
 
@@ -107,7 +108,7 @@ def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster, monke
 @pytest.mark.parametrize("n_jobs", [None, 2])
 def test_sequences_are_segmented_on_the_cluster(n_jobs, sequences, dask, cluster):
     X, y = sequences
-    segmenter = MotionSegmenter(max_motions=3, n_jobs=n_jobs, **SMALL)
+    segmenter = MotionSegmenter(max_motions=3, n_jobs=n_jobs, **QUICK)
     estimator = PerSequence(segmenter, n_jobs=n_jobs).fit(X, y)
     assert_same(estimator.predict(X), run_here(lambda: estimator.predict(X)))
     assert estimator.score(X, y) == run_here(lambda: estimator.score(X, y))
@@ -117,7 +118,7 @@ def test_sequences_are_segmented_on_the_cluster(n_jobs, sequences, dask, cluster
 def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
     def fit():
         found = GridSearchCV(
-            PerSequence(MotionSegmenter(2, selection="ncre", **SMALL)),
+            PerSequence(MotionSegmenter(2, **QUICK)),
             {"estimator__kernel": [ORKKernel(sparsity=2), ORKKernel(sparsity=6)]},
             cv=KFold(2),
             error_score="raise",
@@ -131,7 +132,7 @@ def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
 
 def test_caches_are_shared_with_the_workers(sequences, dask, tmp_path):
     X, _ = sequences
-    segmenter = MotionSegmenter(2, memory=str(tmp_path), **SMALL)
+    segmenter = MotionSegmenter(2, memory=str(tmp_path), **QUICK)
     estimator = PerSequence(segmenter).fit(X)
 
     def n_cached():
@@ -160,10 +161,10 @@ def test_workers_have_one_thread_each_while_they_work(sequences, dask):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda models: PerSequence(MotionSegmenter(2, models=models, **SMALL)),
+        lambda models: PerSequence(MotionSegmenter(2, models=models, **QUICK)),
         lambda models: PerSequence(make_motion_pipeline(models, 2, **SMALL)),
         lambda models: GridSearchCV(
-            PerSequence(MotionSegmenter(2, **SMALL)),
+            PerSequence(MotionSegmenter(2, **QUICK)),
             {"estimator__models": [models, models[:1]]},
             cv=KFold(2),
             error_score="raise",
@@ -188,7 +189,7 @@ def test_models_of_ones_own_are_sent_to_workers(make, sequences, dask):
 
 def test_a_worker_that_is_killed_costs_no_result(sequences, dask, tmp_path):
     X, _ = sequences
-    segmenter = MotionSegmenter(2, **SMALL)
+    segmenter = MotionSegmenter(2, **QUICK)
     died = tmp_path / "died"
     estimator = PerSequence(Dies(segmenter, DOOMED, once=died)).fit(X)
     labels = estimator.predict(X)
@@ -208,7 +209,7 @@ def test_a_model_whose_worker_is_killed_is_fitted_again(scene, dask, tmp_path):
         return SHIFT.fit(x, y)
 
     models = [replace(SHIFT, fit=fit), "homography"]
-    segmenter = MotionSegmenter(3, models=models, **SMALL)
+    segmenter = MotionSegmenter(3, models=models, **QUICK)
     labels = segmenter.fit_predict(X)
     assert died.exists()
     assert_array_equal(labels, run_here(lambda: segmenter.fit_predict(X)))
@@ -229,7 +230,7 @@ def test_windows_of_a_worker_that_is_killed_are_segmented_again(
         return SHIFT.fit(x, y)
 
     models = [replace(SHIFT, fit=fit), "homography"]
-    segmenter = MotionSegmenter(2, models=models, n_jobs=2, **SMALL)
+    segmenter = MotionSegmenter(2, models=models, n_jobs=2, **QUICK)
     labels = segmenter.fit_predict(X)
     assert died.exists()
     assert was_run(cluster, "segmenting frames 0 to 29")

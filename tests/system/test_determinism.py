@@ -46,8 +46,8 @@ def found(tmp_path_factory):
 def test_every_setting_was_tried(found):
     assert len(found) == 6
     for group, settings in found.items():
-        engines = 3 if group == "description_length, n_landmarks=50" else 0
-        expected = 3 if group in ("pipeline", "sequences") else 4 + 1 + engines
+        engines = 2 if group == "description_length, n_landmarks=50" else 0
+        expected = 3 if group in ("pipeline", "sequences") else 3 + 1 + engines
         assert len(settings) == 2 * expected
 
 

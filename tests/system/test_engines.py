@@ -24,6 +24,7 @@ from skmotionseg._parallel.tasks import Task
 from skmotionseg.datasets import make_rigid_motions
 
 SMALL = {"n_hypotheses": 50, "random_state": 0}
+QUICK = {"selection": "ncre", **SMALL}  # where the rule is beside the point
 
 every_engine = pytest.mark.parametrize(
     "engine", ["loky", "multiprocessing", "threading"]
@@ -51,33 +52,45 @@ def assert_same(first, second):
         assert_array_equal(one, other)
 
 
+def fit_half(X):
+    segmenter = MotionSegmenter(max_motions=4, **SMALL).fit(X[::2])
+    return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
+
+
+@pytest.fixture(scope="module")
+def half_here(scene):
+    return fit_half(scene[0])
+
+
 @every_engine
-def test_models(engine, scene):
-    X, _ = scene
+def test_models(engine, scene, half_here):
+    assert_same(with_engine(engine, lambda: fit_half(scene[0])), half_here)
 
-    def fit():
-        segmenter = MotionSegmenter(max_motions=4, **SMALL).fit(X[::2])
-        return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
 
-    assert_same(with_engine(engine, fit), fit())
+@pytest.fixture(scope="module")
+def sequences_here(sequences):
+    """Labels and score of a plain loop."""
+    X, y = sequences
+    estimator = PerSequence(MotionSegmenter(max_motions=3, **QUICK)).fit(X, y)
+    return estimator.predict(X), estimator.score(X, y)
 
 
 @every_engine
 @pytest.mark.parametrize("n_jobs", [None, 2])
-def test_sequences(engine, n_jobs, sequences):
+def test_sequences(engine, n_jobs, sequences, sequences_here):
     X, y = sequences
-    segmenter = MotionSegmenter(max_motions=3, n_jobs=n_jobs, **SMALL)
+    segmenter = MotionSegmenter(max_motions=3, n_jobs=n_jobs, **QUICK)
     estimator = PerSequence(segmenter).fit(X, y)
-    assert_same(with_engine(engine, lambda: estimator.predict(X)), estimator.predict(X))
-    there = with_engine(engine, lambda: estimator.score(X, y))
-    assert there == estimator.score(X, y)
+    labels, score = sequences_here
+    assert_same(with_engine(engine, lambda: estimator.predict(X)), labels)
+    assert with_engine(engine, lambda: estimator.score(X, y)) == score
 
 
 @every_engine
 def test_searches(engine, sequences):
     def fit():
         found = GridSearchCV(
-            PerSequence(MotionSegmenter(2, selection="ncre", **SMALL)),
+            PerSequence(MotionSegmenter(2, **QUICK)),
             {"estimator__kernel": [ORKKernel(sparsity=2), ORKKernel(sparsity=6)]},
             cv=KFold(2),
             error_score="raise",
@@ -118,21 +131,22 @@ MODELS = [SHIFT, "homography"]
 @pytest.mark.parametrize("make", [MotionSegmenter, make_motion_pipeline])
 def test_models_of_ones_own_are_sent_to_other_processes(engine, make, sequences):
     X, _ = sequences
-    estimator = PerSequence(make(models=MODELS, **SMALL)).fit(X)
+    params = QUICK if make is MotionSegmenter else SMALL
+    estimator = PerSequence(make(models=MODELS, **params)).fit(X)
     assert_same(with_engine(engine, lambda: estimator.predict(X)), estimator.predict(X))
 
 
 def test_models_of_a_script_are_sent_by_the_default_engine(sequences):
     X, _ = sequences
     models = [local_shift(), "homography"]
-    estimator = PerSequence(MotionSegmenter(models=models, **SMALL)).fit(X)
+    estimator = PerSequence(MotionSegmenter(models=models, **QUICK)).fit(X)
     assert_same(with_engine("loky", lambda: estimator.predict(X)), estimator.predict(X))
 
 
 def test_a_grid_over_models_of_ones_own_in_two_processes(sequences):
     def fit():
         found = GridSearchCV(
-            PerSequence(MotionSegmenter(2, **SMALL)),
+            PerSequence(MotionSegmenter(2, **QUICK)),
             {"estimator__models": [MODELS, ["homography"]]},
             cv=KFold(2),
             error_score="raise",
@@ -147,7 +161,7 @@ def test_the_seed_of_a_model_does_not_depend_on_which_others_there_are(scene):
     X, _ = scene
     other = replace(SHIFT, name="another")
     alone, beside = (
-        MotionSegmenter(3, models=models, **SMALL).fit(X).views_["shift"][0].hypotheses_
+        MotionSegmenter(3, models=models, **QUICK).fit(X).views_["shift"][0].hypotheses_
         for models in ([SHIFT], [other, SHIFT, "affine"])
     )
     assert_array_equal(alone, beside)

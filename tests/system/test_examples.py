@@ -42,6 +42,10 @@ def table_after(title, printed):
     return header.split(), {row[0]: row[1:] for row in cells if len(row) == 4}
 
 
+swept_once = pytest.mark.xdist_group("sweep")  # by one of the workers
+tracked_once = pytest.mark.xdist_group("trackers")
+
+
 def example(name):
     (path,) = (path for path in EXAMPLES if path.stem == name)
     return path
@@ -52,6 +56,7 @@ def sweep():
     return run(example("sweep"), "--quick")
 
 
+@swept_once
 @pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
 def test_sweep_prints_each_parameter_by_model_subset(sweep, title):
     header, rows = table_after(title, sweep)
@@ -60,12 +65,14 @@ def test_sweep_prints_each_parameter_by_model_subset(sweep, title):
     assert all(cell.endswith("%") for row in rows.values() for cell in row)
 
 
+@swept_once
 @pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
 def test_both_ways_to_sweep_give_the_same_numbers(sweep, title):
     _, by_pipeline, by_segmenter = re.split(r"^[12]\. .*$", sweep, flags=re.M)
     assert table_after(title, by_pipeline) == table_after(title, by_segmenter)
 
 
+@swept_once
 def test_sweep_finds_one_setting_for_many_sequences(sweep):
     many = sweep[sweep.index("3. One setting for many sequences") :]
     best = re.search(r"best: (\S+), delta (\S+), lambda \S+: error (\S+%)", many)
@@ -147,9 +154,18 @@ def test_single_figures_are_drawn(tmp_path):
 # --------------------------------------------------------------------- point trackers
 
 
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """What each tracker's example prints, and the folder that CoTracker's writes to."""
+    folder = tmp_path_factory.mktemp("trackers") / "motions"
+    options = {"cotracker": ("--out", str(folder)), "tapir": ()}
+    return {name: run(example(name), *o) for name, o in options.items()}, folder
+
+
+@tracked_once
 @pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
-def test_files_of_trackers_are_segmented(tracker):
-    printed = run(example(tracker))
+def test_files_of_trackers_are_segmented(tracker, written):
+    printed = written[0][tracker]
     assert "200 tracks in 12 frames" in printed
     sizes = [int(n) for n in re.findall(r"^motion \d: (\d+) tracks$", printed, re.M)]
     assert len(sizes) == 3
@@ -157,23 +173,22 @@ def test_files_of_trackers_are_segmented(tracker):
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_the_tracks_of_cotracker_come_back_by_motion(tmp_path):
-    printed = run(example("cotracker"), "--out", str(tmp_path / "motions"))
-    written = re.findall(r"^wrote (.*)$", printed, flags=re.M)
-    assert [Path(path).name for path in written] == [
-        f"motion_{m}.npz" for m in range(3)
-    ]
-    sizes = [len(load_tracks(path).data) for path in written]
+@tracked_once
+def test_the_tracks_of_cotracker_come_back_by_motion(written):
+    printed, folder = written[0]["cotracker"], written[1]
+    paths = [Path(path) for path in re.findall(r"^wrote (.*)$", printed, flags=re.M)]
+    assert paths == [folder / f"motion_{m}.npz" for m in range(3)]
+    sizes = [len(load_tracks(path).data) for path in paths]
     assert sizes == [int(n) for n in re.findall(r"motion \d: (\d+)", printed)]
 
 
 def test_a_file_of_ones_own(tmp_path):
     """Of CoTracker's names, written by someone else."""
-    X, _ = make_rigid_motions(90, 7, 2, missing=0, random_state=1)
+    X, _ = make_rigid_motions(38, 7, 2, missing=0, random_state=1)
     points, visibility = unpack_tracks(X)
     path = tmp_path / "mine.npz"
     np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
-    assert "90 tracks in 7 frames" in run(example("cotracker"), str(path))
+    assert "38 tracks in 7 frames" in run(example("cotracker"), str(path))
 
 
 @pytest.mark.xdist_group("dask")

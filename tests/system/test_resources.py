@@ -42,10 +42,12 @@ def test_interrupted_stages_leave_nothing(tmp_path):
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-@pytest.mark.parametrize("count", [15, pytest.param(200, marks=pytest.mark.long)])
-def test_fits_keep_no_memory(count):
+@pytest.mark.parametrize(
+    ("count", "allowed"), [(8, 10), pytest.param(200, 20, marks=pytest.mark.long)]
+)
+def test_fits_keep_no_memory(count, allowed):
     start, end = map(float, run([HERE / "memory_of_fits.py", count]).split())
-    assert end - start < 20
+    assert end - start < allowed
 
 
 # ----------------------------------------------------------------------------- import
@@ -129,7 +131,7 @@ except SystemExit:
 
 
 def test_nothing_reaches_for_the_network(tmp_path):
-    X, y = make_rigid_motions(40, 4, 2, random_state=0)
+    X, y = make_rigid_motions(36, 4, 2, random_state=0)
     np.savez(tmp_path / "tracks.npz", X=X, labels=y)
     home = tmp_path / "data" / "KT3DMoSeg"
     home.mkdir(parents=True)

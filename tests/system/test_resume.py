@@ -305,7 +305,8 @@ def test_an_interrupted_search_goes_on(tmp_path, monkeypatch):
 def test_labels_are_kept_for_other_processes(tmp_path, monkeypatch):
     """Large tracks reach workers as maps of files, and are the same tracks."""
     X, _ = make_rigid_motions(40, 4, 2, random_state=0)
-    segmenter = MotionSegmenter(2, n_hypotheses=20, random_state=0)
+    settings = {"n_hypotheses": 20, "selection": "ncre", "random_state": 0}
+    segmenter = MotionSegmenter(2, **settings)
     sequences = PerSequence(segmenter, n_jobs=2, memory=str(tmp_path)).fit([X, X + 1])
     with parallel_config(backend="loky", max_nbytes=100):  # map all that are larger
         labels = sequences.predict([X, X + 1])

@@ -577,7 +577,8 @@ def test_segment_takes_a_video(clip, tmp_path, capsys, monkeypatch, ending, pict
 def test_segment_says_that_a_video_is_cut(clip, tmp_path, capsys):
     cut = tmp_path / "cut.avi"
     cut.write_bytes(clip.read_bytes()[: int(0.8 * clip.stat().st_size)])
-    code, _, errors = run(capsys, "segment", cut, "--motions", 2)
+    options = ("--motions", 2, "--selection", "ncre")
+    code, _, errors = run(capsys, "segment", cut, *options)
     assert code == 0
     said = without_progress(errors)
     assert re.fullmatch(r"skmotionseg: warning: .* \d+ of 12 frames .*\n", said)
