@@ -95,18 +95,19 @@ default="kernel_addition"
     selection : {"description_length", "ncre", "eigengap", "self_tuning"} or \
 estimator, default="description_length"
         How the partition is chosen. "description_length" generates several candidates,
-        with 8 initialisations of k-means each, and chooses the one with the lowest sum
-        of its description length, by a fundamental matrix per motion and frame pair,
-        and its weighted normalised cut. In clips of at least three frames and forty
-        tracks, it may then be replaced by a partition into as many or more motions that
-        has a lower cost by rigid motion over windows of up to six frames. Two images,
-        where most tracks may be mismatches, are segmented by the densities of the
-        points of the second along and across the epipolar lines of each motion, by a
-        description length of points, labels and motions together. The other
-        rules select the number of motions by the graph alone: "ncre", the paper's rule,
-        by normalised cut and reconstruction error (see :class:`NCREModelSelector`);
-        "eigengap" and "self_tuning", with which the paper compares it, by eigenvalues
-        (:class:`EigengapModelSelector`) and by eigenvectors
+        with 8 initialisations of k-means each, and judges them by how well their
+        motions explain the tracks. In clips of at least three frames and forty tracks,
+        these are rigid motions over windows of up to six frames, and the number of
+        motions is the largest whose motions are all more likely different than the
+        same. Two images, where most tracks may be mismatches, are segmented by the
+        densities of the points of the second along and across the epipolar lines of
+        each motion, by a description length of points, labels and motions together. In
+        other clips, the partition has the lowest sum of its description length, by a
+        fundamental matrix per motion and frame pair, and its weighted normalised cut.
+        The other rules select the number of motions by the graph alone: "ncre", the
+        paper's rule, by normalised cut and reconstruction error (see
+        :class:`NCREModelSelector`); "eigengap" and "self_tuning", with which the paper
+        compares it, by eigenvalues (:class:`EigengapModelSelector`) and by eigenvectors
         (:class:`SelfTuningModelSelector`, which never selects 1). An estimator is
         fitted to the affinities of all models side by side, ``(n, n_models * n)``, and
         sets ``labels_``. If ``n_motions`` is given and the estimator has a parameter

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from skmotionseg._core.geometry.rigid_motion import (
     Poses,
@@ -35,14 +34,6 @@ def scene(rng, n=30, noise=1e-4, direction=(0, 0, 1.0), speed=0.04):
 
 def deviation(squares, seen):
     return np.sqrt(np.median(squares / (2 * seen.sum(axis=1) - 3)))
-
-
-def test_rotations_are_those_of_scipy():
-    vectors = np.random.RandomState(0).standard_normal((20, 3))
-    vectors[0] = 0
-    assert_allclose(
-        rotations_of(vectors), Rotation.from_rotvec(vectors).as_matrix(), atol=1e-12
-    )
 
 
 @pytest.mark.parametrize(
