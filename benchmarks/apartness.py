@@ -1,11 +1,11 @@
 """Log odds of two groups of tracks being different motions, from simulated scenes.
 
-Over-segmentations of scenes are merged down to one group, and each two groups that are
-met on the way are a sample: apart if they are (mostly) of different motions; one if
-they are of the same motion, or one of them is of outliers. A logistic regression on how
-much worse one rigid motion explains both than two do, and on the log of the links
-between them over those that chance would give, gives the constants of
-``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression on
+Over-segmentations of scenes are merged down to one group, and the two groups that are
+least apart in each step, which decide on the number of motions, are a sample: apart if
+they are (mostly) of different motions; one if they are of the same motion, or one of
+them is of outliers. A logistic regression on how much worse one rigid motion explains
+both than two do, and on the log of the links between them over those that chance would
+give, gives the constants of ``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression on
 pairs of real sequences, for comparison::
 
     python -m benchmarks.apartness --scenes 4 --data DIR
@@ -21,6 +21,7 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import roc_auc_score
 
 from skmotionseg import MotionSegmenter, datasets
+from skmotionseg._core.labels import groups_of
 from skmotionseg._core.partition import rigid_search, search
 from skmotionseg._segmenter.long_clips import LONG_CLIP
 
@@ -43,13 +44,12 @@ def pairs_of(X, target):
     list of (float, float, int)
         Gain, log of links over chance, and 1 if the two are apart.
     """
-    kept: list[rigid_search.RigidSearch] = []
+    kept: list[tuple[rigid_search.RigidSearch, list]] = []
 
     def descend(found, over_segments, *_):
         found.calibrate(over_segments[0])
-        for some in over_segments:
-            found.descent(some, 1)
-        kept.append(found)
+        steps = [step for some in over_segments for step in found.descent(some, 1)]
+        kept.append((found, steps))
 
     search.rigid_partitions, before = descend, search.rigid_partitions
     try:
@@ -60,11 +60,16 @@ def pairs_of(X, target):
         row[np.isfinite(row)].tobytes(): y for row, y in zip(X, target, strict=True)
     }
     rows = []
-    for one in kept:
+    for one, steps in kept:
         points = one.windows.points
         mine = np.array([labels[_digest(track)] for track in points])
-        for key, found in one.apart.items():
-            truth = _truth(*(mine[np.frombuffer(each, dtype=int)] for each in key))
+        for step in steps:
+            if step.pair is None:
+                continue
+            groups = groups_of(step.labels)
+            first, second = (groups[k] for k in step.pair)
+            found = one.apart[second.tobytes(), first.tobytes()]
+            truth = _truth(mine[first], mine[second])
             if truth is not None:
                 gain = min(found.gain, rigid_search.MOST_GAIN)
                 links = np.log(found.links + rigid_search.FEWEST_LINKS)
