@@ -5,8 +5,8 @@ least apart in each step, which decide on the number of motions, are a sample: a
 they are (mostly) of different motions; one if they are of the same motion, or one of
 them is of outliers. A logistic regression on how much worse one rigid motion explains
 both than two do, and on the log of the links between them over those that chance would
-give, gives the constants of ``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression on
-pairs of real sequences, for comparison::
+give, gives the constants of ``skmotionseg._core.partition.rigid_search``. With
+``--data DIR``, another regression on pairs of real sequences, for comparison::
 
     python -m benchmarks.apartness --scenes 4 --data DIR
 """

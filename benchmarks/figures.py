@@ -119,6 +119,19 @@ def unknown_table(record):
     return lines_of("", rows)
 
 
+def two_images_table(record):
+    """Errors and right counts between two images."""
+    lines = [
+        "| AdelaideRMF | number known | unknown: error / right |",
+        "|---" * 3 + "|",
+    ]
+    for method in DEFAULTS[:1]:
+        row = row_of(record, "AdelaideRMF", method)
+        cells = [error_cell(row), count_cell(row)]
+        lines.append(f"| {NAMES[method]} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def halves_table(record):
     """Known error, then error and right counts from 1, of every other sequence."""
     rows = []
@@ -283,6 +296,7 @@ def pages():
     accuracy = {
         "README.md": {"results": readme_table},
         "docs/results.md": {
+            "two-images": two_images_table,
             "known": known_table,
             "unknown": unknown_table,
             "halves": halves_table,

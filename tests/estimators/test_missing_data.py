@@ -145,6 +145,9 @@ def test_no_pair_with_enough_tracks_is_an_error(one_motion, model):
     message = f"{model} model needs {needed} tracks .* has {needed - 1}"
     with pytest.raises(ValueError, match=message):
         HypothesisSampler(model).fit(X)
+    for frame in range(10):  # nor are any two others seen together
+        rows = np.arange(needed - 1, len(X))
+        X = hide(X, rows[rows % 10 != frame], frame)
     with pytest.raises(ValueError, match=message):
         MotionSegmenter(models=[model]).fit(X)
 

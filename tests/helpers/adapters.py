@@ -20,7 +20,7 @@ from skmotionseg import (
 )
 from skmotionseg._core.geometry.tracks import unpack_tracks
 
-N_FRAMES = 2  # A blob's spread is noise in a pair of frames; over more, it is drift.
+N_FRAMES = 4
 
 
 def spread(X):

@@ -33,8 +33,8 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions: the log of how much worse one motion
 # is than two, per track of the smaller group, and the log of the links between them
 # over those that chance would give. By a logistic regression on pairs of groups in
-# simulated scenes (``python -m benchmarks.apartness``), with fits of an earlier version;
-# that of today gives 1.4, 2.4 and -8.1, and the number of motions as often right there.
+# simulated scenes (``python -m benchmarks.apartness``), with fits of an earlier
+# version: today's give 1.4, 2.4 and -8.1, and the number as often right there.
 GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.65, 1.85, -7.2
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
