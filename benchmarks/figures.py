@@ -296,7 +296,7 @@ def pages():
     accuracy = {
         "README.md": {"results": readme_table},
         "docs/results.md": {
-            "two-images": two_images_table,
+            "pairs": two_images_table,
             "known": known_table,
             "unknown": unknown_table,
             "halves": halves_table,
