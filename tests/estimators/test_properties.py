@@ -351,7 +351,7 @@ def check_segmenter(segmenter, recipe):
     assert segmenter.costs_.shape == (len(segmenter.counts_), 3)
     assert segmenter.candidate_labels_.shape == (len(segmenter.counts_), len(X))
     sampler, _ = next(iter(segmenter.views_.values()))
-    seen = np.isfinite(without_empty_frames(X, segmenter.frame_gap)[:, ::2])
+    seen = visible(without_empty_frames(X, segmenter.frame_gap))
     hidden = ~seen[:, sampler.frame_pairs_].all(axis=2).any(axis=1)
     assert (segmenter.labels_[hidden] == -1).all()
     placed = segmenter.predict(given_tracks)

@@ -16,6 +16,8 @@ References
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from .poses import lower_medians, rotations_of
@@ -99,6 +101,7 @@ def _resected(problems, rotations, translations, depths):
     return found[0].reshape(rotations.shape), found[1].reshape(translations.shape)
 
 
+@cache
 def _directions(n):
     """The axes, and n unit vectors over half a sphere, the same in a mirrored image."""
     k = np.arange(n // 4) + 0.5

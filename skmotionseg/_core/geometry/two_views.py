@@ -168,6 +168,11 @@ class TwoViewMotions:
         across, along, _ = squared_distances(self.fundamental, self.affine, views)
         return log_student(across, self.noise) + log_student(along, self.parallax)
 
+    def with_mismatches(self, views):
+        """Log densities (M + 1, n), the last row being those of mismatches."""
+        mismatches = np.full((1, len(views)), views.log_density_of_mismatches)
+        return np.concatenate([self.log_densities(views), mismatches])
+
     def costs(self, views):
         """Nats to write down each motion, (M,).
 

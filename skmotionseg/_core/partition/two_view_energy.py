@@ -103,10 +103,9 @@ def best_log_densities(scene, motions):
 
     Or that of a mismatch, where that is higher.
     """
-    least = scene.views.log_density_of_mismatches
     if len(motions) == 0:
-        return np.full(len(scene.views), least)
-    return np.maximum(motions.log_densities(scene.views).max(axis=0), least)
+        return np.full(len(scene.views), scene.views.log_density_of_mismatches)
+    return motions.with_mismatches(scene.views).max(axis=0)
 
 
 def assign(scene, motions, shares=None):
@@ -126,8 +125,7 @@ def assign(scene, motions, shares=None):
         The last row is of mismatches.
     """
     n, n_motions = len(scene.views), len(motions)
-    mismatches = np.full((1, n), scene.views.log_density_of_mismatches)
-    densities = np.concatenate([motions.log_densities(scene.views), mismatches])
+    densities = motions.with_mismatches(scene.views)
     if shares is None:
         first = np.append(np.full(n_motions, 0.5 / n_motions), 0.5)
         shares = _normalized(densities + np.log(first)[:, None])

@@ -97,8 +97,7 @@ class TwoViewExplanation:
         """Which tracks are seen, (n,); log probabilities (M + 1, n_seen)."""
         seen, x, y = self.frames.observe(points, visibility)
         views = TwoViews(homogeneous(x), homogeneous(y), self.side)
-        mismatches = np.full((1, len(x)), views.log_density_of_mismatches)
-        densities = np.concatenate([self.found.log_densities(views), mismatches])
+        densities = self.found.with_mismatches(views)
         return seen[0], densities + self.log_shares[:, None]
 
 
