@@ -127,11 +127,12 @@ estimator, default="description_length"
         640 x 480. Between two images, a track is an outlier if it is less likely to
         follow any motion than to be a mismatch.
     n_landmarks : int, "auto" or None, default="auto"
-        Number of tracks that are fitted; all others are labelled as by :meth:`predict`.
-        "auto" fits all tracks if there are at most 1,200 (3,000 if most are seen in few
-        of the frames), and otherwise 600 (1,500), the same number from each of 30
-        over-segments of the video, so that small motions are represented. ``None`` fits
-        all tracks; memory then grows with the square of their number.
+        Number of tracks that are fitted; each other gets the label of the fitted tracks
+        that are nearest in place and displacement. "auto" fits all tracks if there are
+        at most 1,500 (2,250 if most are seen in few of the frames), and otherwise 1,000
+        (1,500), the same number from each of 30 over-segments of the video, so that
+        small motions are represented. ``None`` fits all tracks; memory then grows with
+        the square of their number.
     memory : str, joblib.Memory or None, default=None
         Caches the affinities of each model, so that they are not computed again when
         the same tracks are fitted with another ``n_motions``, ``models``, ``fusion``,
