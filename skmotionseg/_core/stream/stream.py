@@ -347,6 +347,7 @@ class MotionStream:
             {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
             self.n_motions,
+            self._fading(),
         )
         if number is None:
             return "dropped"
@@ -359,6 +360,14 @@ class MotionStream:
         kind, words = ("again", "is seen again") if again else ("new", "is new")
         events.append(Event(self.frame, kind, f"motion {number} {words}"))
         return None
+
+    def _fading(self):
+        """Traces of motions that have lost their tracks, by number."""
+        return {
+            other.number: other.trace
+            for other in self.motions
+            if other.unseen and other.is_established and other.trace is not None
+        }
 
     def _remove(self, column, decision, other, events):
         """Take a motion out of the living."""
