@@ -34,6 +34,13 @@ class Part(NamedTuple):
     tracks: np.ndarray
 
 
+def window_ends(n_frames):
+    """First frame of each window of so many frames, and the frame after its last."""
+    n_windows = 1 + int(np.ceil(max(n_frames - WINDOW, 0) / (WINDOW - OVERLAP)))
+    starts = np.linspace(0, max(n_frames - WINDOW, 0), n_windows).round().astype(int)
+    return [(int(start), int(min(start + WINDOW, n_frames))) for start in starts]
+
+
 def parts_of(visibility):
     """Windows that overlap and cover a video, and their tracks.
 
@@ -46,18 +53,16 @@ def parts_of(visibility):
     list of Part
         Each track that is seen is in one of them.
     """
-    n_frames = visibility.shape[1]
-    n_windows = 1 + int(np.ceil(max(n_frames - WINDOW, 0) / (WINDOW - OVERLAP)))
-    starts = np.linspace(0, max(n_frames - WINDOW, 0), n_windows).round().astype(int)
-    times = [visibility[:, start : start + WINDOW].sum(axis=1) for start in starts]
+    ends = window_ends(visibility.shape[1])
+    times = [visibility[:, start:stop].sum(axis=1) for start, stop in ends]
     most = np.maximum.reduce(times)
     return [
         Part(
-            int(start),
-            int(min(start + WINDOW, n_frames)),
+            start,
+            stop,
             np.flatnonzero((n >= np.minimum(most, FEWEST_SEEN)) & (n > 0)),
         )
-        for start, n in zip(starts, times, strict=True)
+        for (start, stop), n in zip(ends, times, strict=True)
     ]
 
 
