@@ -114,19 +114,10 @@ class Joiner:
             if k not in going_on:
                 trace = _trace(part.start, points[rows], seen[rows], first=True)
                 living = {int(name) for name in names if name >= 0}
-                number, _ = self.numbers.of(
-                    trace,
-                    self.pixel,
-                    living,
-                    self._former(part.tracks[rows]),
-                    self.most,
-                )
-                names[k] = (
-                    self._shared_most(part.tracks[rows]) if number is None else number
-                )
+                names[k] = self._number_of(part.tracks[rows], trace, living)
             trace = _trace(part.start, points[rows], seen[rows], first=False)
             if trace is not None and names[k] >= 0:
-                self._traces[int(names[k])] = trace
+                self._end(int(names[k]), trace)
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
         self.numbers.forget(part.start)
 
@@ -163,16 +154,38 @@ class Joiner:
             if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
         }
 
+    def _number_of(self, tracks, trace, living):
+        """Number of a group that does not go on; -1 of one that nothing tells.
+
+        A motion that left the picture before the group came into it may be the same.
+        """
+        ended = {
+            number: self._traces[number]
+            for number in living & set(self._traces)
+            if trace is not None and self._traces[number].frame <= trace.frame
+        }
+        shared, former = self._shared_most(tracks), self._former(tracks)
+        number, _ = self.numbers.of(
+            trace, self.pixel, living, former, self.most, ended, shared
+        )
+        return -1 if number is None else number
+
+    def _end(self, number, trace):
+        """Note where a motion was seen last; a part of it may have gone before."""
+        known = self._traces.get(number)
+        if known is None or known.frame <= trace.frame:
+            self._traces[number] = trace
+
     def _former(self, tracks):
         """The number that most of some tracks have had; None if they had none."""
         votes = self._votes[tracks].sum(axis=0)
         return int(votes.argmax()) if votes.any() else None
 
     def _shared_most(self, tracks):
-        """The number of the last window that most of some tracks have."""
+        """The number that most of some tracks had in the last window, if any did."""
         known = self._last[tracks]
         counts = np.bincount(known[known >= 0], minlength=1)
-        return int(counts.argmax()) if counts.any() else -1
+        return int(counts.argmax()) if counts.max() >= SHARED_TRACKS else None
 
     def _vote(self, tracks, names, times):
         more = self.numbers.next - self._votes.shape[1]
