@@ -9,20 +9,24 @@ frame, its error that of each track's most frequent label, or, of a track that w
 before there were motions, that of the result. Even seeds are for setting
 constants, odd ones for reports.
 
-Each row is measured in a process of its own. Seconds are of the processor, so that
-others on the machine count little; memory is the most that the process took, the scene
-included, and for ``online`` also what the pickled estimator takes in the end.
+Each row is measured in a process of its own, which reads the tracks from a file.
+Seconds are of the processor, so that others on the machine count little; memory is the
+most that the process took, the tracks included, and for ``online`` also what the
+pickled estimator takes in the end.
 """
 
 from __future__ import annotations
 
 import argparse
 import pickle
+import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
+from sklearn.utils import Bunch
 
-from skmotionseg import MotionSegmenter, OnlineMotionSegmenter, unpack_tracks
+from skmotionseg import MotionSegmenter, OnlineMotionSegmenter
 from skmotionseg.datasets import make_scene
 from skmotionseg.metrics import misclassification_error
 
@@ -47,9 +51,17 @@ def long_scene(n_frames, seed):
     )
 
 
-def measure(n_frames, seed, how):
-    """A row: ``error``, ``seconds``, ``per_frame`` and ``peak``, and more if online."""
+def write_scene(n_frames, seed, path):
+    """Simulate a scene, which takes more memory than to segment it."""
     scene = long_scene(n_frames, seed)
+    with path.open("wb") as file:
+        np.savez(file, data=scene.data, target=scene.target)
+
+
+def measure(path, n_frames, seed, how):
+    """A row: ``error``, ``seconds`` and ``peak``, and more if online."""
+    with np.load(path) as file:
+        scene = Bunch(data=file["data"], target=file["target"], n_motions=N_MOTIONS)
     started = time.process_time()
     if how == "online":
         row = _stream(scene)
@@ -66,20 +78,21 @@ def measure(n_frames, seed, how):
 
 
 def _stream(scene):
-    points, seen = unpack_tracks(scene.data)
-    n_frames = points.shape[1]
+    n_frames = scene.data.shape[1] // 2
     segmenter, seconds = OnlineMotionSegmenter(random_state=0), []
-    numbers = np.full(seen.shape, -1, dtype=np.int16)
+    numbers = np.full((len(scene.data), n_frames), -1, dtype=np.int16)
     for frame in range(n_frames):
-        ids = np.flatnonzero(seen[:, frame])
+        points = scene.data[:, 2 * frame : 2 * frame + 2]
+        ids = np.flatnonzero(np.isfinite(points).all(axis=1))
+        points = points[ids]
         started = time.process_time()
-        numbers[ids, frame] = segmenter.update(points[ids, frame], ids)
+        numbers[ids, frame] = segmenter.update(points, ids)
         seconds.append(time.process_time() - started)
     votes = np.stack(
         [(numbers == number).sum(axis=1) for number in range(numbers.max() + 1)]
     )
     # What was gone before there were motions has a label in the result only.
-    last = np.full(len(seen), -1)
+    last = np.full(len(numbers), -1)
     result = segmenter.result()
     last[result.track_ids] = result.labels
     return {
@@ -103,11 +116,21 @@ def _switches(numbers, scene):
     return 100 * changes / max(frames, 1)
 
 
+def measured(n_frames, seed, how):
+    """The row of a scene that another process has simulated."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "scene.npz")
+        in_fresh_process(write_scene, n_frames, seed, path)
+        return in_fresh_process(measure, path, n_frames, seed, how)
+
+
 def show(row):
     """Print a row."""
     text = (
         f"{row['n_frames']:6d} {row['seed']:4d} {row['how']:8s} {row['error']:7.2%} "
-        f"{row['found']:3d} {row['seconds']:8.1f} s {row['peak'] / 2**20:7.0f} MiB"
+        f"{row['found']:3d} {row['seconds']:8.1f} s "
+        f"{1e3 * row['seconds'] / row['n_frames']:5.0f} ms/frame "
+        f"{row['peak'] / 2**20:7.0f} MiB"
     )
     if "late" in row:
         text += (
@@ -128,13 +151,14 @@ def main(arguments=None):
     parser.add_argument("--how", nargs="+", choices=HOW, default=list(HOW))
     arguments = parser.parse_args(arguments)
     print(
-        "frames seed how        error  found  seconds  peak   (median / 95 % latency)"
+        "frames seed how        error  found  seconds  per frame  peak  "
+        "(median / 95 % latency)"
     )
     for n_frames in arguments.frames:
         for how in arguments.how:
             rows = []
             for seed in arguments.seeds:
-                rows.append(in_fresh_process(measure, n_frames, seed, how))
+                rows.append(measured(n_frames, seed, how))
                 show(rows[-1])
             mean = np.mean([row["error"] for row in rows])
             print(f"{n_frames:6d} mean {how:8s} {mean:7.2%}", flush=True)

@@ -21,7 +21,12 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
-from ._core.geometry.tracks import covisible_pairs, frame_pairs, non_empty_frames
+from ._core.geometry.tracks import (
+    covisible_pairs,
+    frame_pairs,
+    non_empty_frames,
+    unpack_tracks,
+)
 from ._core.graph.clustering import cluster_graph
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels
@@ -30,7 +35,12 @@ from ._core.partition.scene import background_motion
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
-from ._segmenter.long_clips import LONG_CLIP, segment_in_windows
+from ._segmenter.long_clips import (
+    LONG_CLIP,
+    LongClip,
+    points_in_batches,
+    segment_in_windows,
+)
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import label_reasons, motions_in_pixels
 from ._segmenter.report import SegmentationReport, follow_pairs, make_report
@@ -366,13 +376,16 @@ estimator, default="description_length"
         if self.kernel is not None:
             self.kernel._validate_params()
         check_cacheable(self.memory, self.random_state, "random_state")
-        points, visibility = self._read_tracks(X, reset=True)
+        tracks = self._read_packed(X, reset=True)
+        self._check_counts(len(tracks))
+        if tracks.shape[1] > 2 * LONG_CLIP:
+            clip = LongClip(tracks, self.frame_gap + 1)
+            if clip.n_frames > LONG_CLIP:
+                return self._fit_in_windows(clip, tracks)
+        points, visibility = unpack_tracks(tracks)
         # A frame that sees nothing must not part its neighbours.
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
-        self._check_counts(len(points))
-        if points.shape[1] > LONG_CLIP:
-            return self._fit_in_windows(points, visibility)
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         seeds = view_seeds(check_random_state(self.random_state), models)
         clock = _Stopwatch()
@@ -402,21 +415,23 @@ estimator, default="description_length"
         self.stage_seconds_ = clock.with_total()
         return self
 
-    def _fit_in_windows(self, points, visibility):
+    def _fit_in_windows(self, clip, X):
         """Set what is known of the tracks of a long clip."""
         for name in [*vars(self)]:  # of another fit
             if name.endswith("_") and name != "n_features_in_":
                 delattr(self, name)
         clock, rng = _Stopwatch(), check_random_state(self.random_state)
         with clock.measure("windows"):
-            found = segment_in_windows(points, visibility, self, rng)
+            found = segment_in_windows(clip, self, rng)
+        self._frames = clip.frames
         self.labels_, self.probabilities_ = found.labels, found.shares
         self.windows_ = found.windows
         self.n_motions_ = int(found.labels.max(initial=-1)) + 1
-        seen_often = visibility.sum(axis=1) > self.frame_gap
+        seen_often = clip.times > self.frame_gap
         placed = np.where(seen_often, 0, -1)
         self.label_reasons_ = label_reasons(found.labels, placed, seen_often)
-        self._known = dict(zip(_digests(points), found.labels.tolist(), strict=True))
+        digests = self._digests_of_long(X)
+        self._known = dict(zip(digests, found.labels.tolist(), strict=True))
         self.stage_seconds_ = clock.with_total()
         return self
 
@@ -595,10 +610,11 @@ estimator, default="description_length"
             hypothesis with a fitted track.
         """
         check_is_fitted(self)
-        points, visibility = self._read_tracks(X, reset=False)
-        points, visibility = points[:, self._frames], visibility[:, self._frames]
+        tracks = self._read_packed(X, reset=False)
         if hasattr(self, "windows_"):
-            return self._recall(points)
+            return self._recall(tracks)
+        points, visibility = unpack_tracks(tracks)
+        points, visibility = points[:, self._frames], visibility[:, self._frames]
         (labels,), _ = place_tracks(
             self.views_,
             points,
@@ -612,9 +628,14 @@ estimator, default="description_length"
         pairs = zip(_digests(points), labels.tolist(), strict=True)
         return np.array([self._known.get(key, new) for key, new in pairs], dtype=int)
 
-    def _recall(self, points):
+    def _digests_of_long(self, X):
+        """Digests of the tracks of a long clip."""
+        parts = points_in_batches(X, self._frames)
+        return [digest for points in parts for digest in _digests(points)]
+
+    def _recall(self, X):
         """Labels of tracks of a long clip that were fitted."""
-        labels = [self._known.get(digest, None) for digest in _digests(points)]
+        labels = [self._known.get(digest) for digest in self._digests_of_long(X)]
         if None in labels:
             raise ValueError(
                 f"in clips of more than {LONG_CLIP} frames only tracks that were "

@@ -31,6 +31,14 @@ from .console import (
     track_facts,
 )
 from .live import segment_live
+from .long_videos import (
+    WINDOWS,
+    folder_of,
+    goes_in_blocks,
+    needs_whole,
+    segment_stored,
+    track_to,
+)
 from .mask_files import add_mask_options, check_mask_options, write_masks
 from .method_options import (
     add_method_options,
@@ -38,6 +46,7 @@ from .method_options import (
     file_options,
     method_parameters,
 )
+from .stored_tracks import StoredClip
 
 LABEL_ENDINGS = (".npz", ".csv")
 
@@ -81,6 +90,12 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--max-frames": {
         "type": count,
         "help": "number of frames to read (default: all)",
+    },
+    "--resume": {
+        "type": Path,
+        "metavar": "DIR",
+        "help": "folder that keeps tracks and windows: the same command goes on there "
+        "after an interruption",
     },
     "--max-side": {
         "type": count,
@@ -131,15 +146,24 @@ def _segment(arguments):
     check_output(arguments.report, PICTURES)
     check_mask_options(arguments, video)
     check_method_options(arguments, video)
+    check_folder_of(arguments.resume)
+    if arguments.resume is not None and not video:
+        raise ValueError(
+            f"--resume is for videos; {arguments.file} is a file of tracks"
+        )
     if arguments.confidence and arguments.out is None:
         raise ValueError("--confidence is written with the labels: say --out FILE")
     console = require("rich.console", extra="cli").Console()
     progress = progress_console()
-    read = _track_video if video else _load_tracks
-    sequence = read(arguments, progress)
+    segmenter = MotionSegmenter(**method_parameters(arguments))
+    if video:
+        sequence = _track_video(arguments, segmenter, console, progress)
+        if sequence is None:
+            return
+    else:
+        sequence = _load_tracks(arguments)
     _check_length(arguments, sequence.data.shape[1] // 2)
     with progress.status("segmenting ..."):
-        segmenter = MotionSegmenter(**method_parameters(arguments))
         segmenter.fit(sequence.data)
     labels = segmenter.labels_
     if video:
@@ -168,7 +192,7 @@ def _check_length(arguments, n_frames):
         )
 
 
-def _load_tracks(arguments, console):
+def _load_tracks(arguments):
     from ..datasets import load_tracks
 
     sequence = load_tracks(arguments.file, **file_options(arguments))
@@ -177,16 +201,50 @@ def _load_tracks(arguments, console):
     )
 
 
-def _track_video(arguments, console):
-    """Tracks of a video as :func:`skmotionseg.datasets.load_tracks` gives a file's."""
+def _track_video(arguments, segmenter, console, progress):
+    """Tracks of a video as :func:`skmotionseg.datasets.load_tracks` gives a file's.
+
+    None of a long one of which only labels are wanted: it is segmented and written
+    here, as its tracks need not be in memory for that.
+    """
     # What OpenCV and FFmpeg print of a damaged video, the error says in one line.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    started = time.perf_counter()
+    frames = open_frames(arguments.file).every(arguments.stride)
+    if goes_in_blocks(arguments, frames):
+        with folder_of(arguments) as folder:
+            stored = track_to(folder, arguments, frames, progress)
+            clip = StoredClip(stored, _shortest_track(stored.n_frames))
+            _check_kept(arguments, clip.n_tracks, stored.n_frames)
+            if arguments.resume is not None:
+                segmenter.set_params(memory=folder / WINDOWS)
+            if clip.n_frames > LONG_CLIP and not needs_whole(arguments):
+                segment_stored(segmenter, clip, arguments, console, progress)
+                return None
+            (width, height), tracks = stored.size, clip.matrix()
+    else:
+        tracks, width, height = _track_at_once(arguments, frames, progress)
+    return Bunch(
+        data=tracks,
+        target=None,
+        name=arguments.file.stem,
+        track_ids=np.arange(len(tracks)),
+        frames=frames,
+        video={
+            "width": width,
+            "height": height,
+            "fps": np.nan if frames.fps is None else frames.fps,
+        },
+        seconds={"tracking": time.perf_counter() - started},
+    )
+
+
+def _track_at_once(arguments, frames, console):
+    """Tracks that are long enough, and width and height of the frames."""
     from ..preprocessing import select_long_tracks
     from ..video import track_video
 
-    started = time.perf_counter()
-    frames = open_frames(arguments.file).every(arguments.stride)
     with reporting("tracking", console) as progress:
         video = track_video(
             frames,
@@ -195,28 +253,19 @@ def _track_video(arguments, console):
             max_side=arguments.max_side,
             progress=progress,
         )
-    shortest = _shortest_track(video.n_frames)
     kept = np.zeros(len(video.tracks), dtype=bool)
     if len(kept):
-        kept = select_long_tracks(video.tracks, shortest)
-    if not kept.any():
+        kept = select_long_tracks(video.tracks, _shortest_track(video.n_frames))
+    _check_kept(arguments, kept.sum(), video.n_frames)
+    return video.tracks[kept], video.width, video.height
+
+
+def _check_kept(arguments, n_kept, n_frames):
+    if not n_kept:
         raise ValueError(
-            f"no point of {arguments.file} could be followed for {shortest} frames: "
-            "there is too little texture"
+            f"no point of {arguments.file} could be followed for "
+            f"{_shortest_track(n_frames)} frames: there is too little texture"
         )
-    return Bunch(
-        data=video.tracks[kept],
-        target=None,
-        name=arguments.file.stem,
-        track_ids=np.arange(kept.sum()),
-        frames=frames,
-        video={
-            "width": video.width,
-            "height": video.height,
-            "fps": np.nan if video.fps is None else video.fps,
-        },
-        seconds={"tracking": time.perf_counter() - started},
-    )
 
 
 def _shortest_track(n_frames):

@@ -8,7 +8,7 @@ from joblib import Parallel, delayed
 from joblib.parallel import get_active_backend
 
 
-def run_tasks(tasks, *, n_jobs=None, prefer=None):
+def run_tasks(tasks, *, n_jobs=None, prefer=None, done=None):
     """Run tasks with the engine that joblib is told to use.
 
     Parameters
@@ -18,6 +18,9 @@ def run_tasks(tasks, *, n_jobs=None, prefer=None):
         Tasks at a time, as in joblib.
     prefer : {"threads", "processes"} or None
         The engine if ``joblib.parallel_config`` asks for no other.
+    done : callable, optional
+        Called with the number of tasks that are done, as they are; on a dask cluster,
+        where joblib hands over no result before the last, once.
 
     Returns
     -------
@@ -30,8 +33,19 @@ def run_tasks(tasks, *, n_jobs=None, prefer=None):
         What a task raised, or dask for a task that it gave up on, with a note that
         says which it was.
     """
-    parallel = Parallel(n_jobs=n_jobs, prefer=prefer, **_dask_options())
-    return parallel(delayed(task)() for task in tasks)
+    options = _dask_options()
+    one_by_one = done is not None and not options
+    if one_by_one:
+        options = {"return_as": "generator"}
+    parallel = Parallel(n_jobs=n_jobs, prefer=prefer, **options)
+    results = []
+    for result in parallel(delayed(task)() for task in tasks):
+        results.append(result)
+        if one_by_one:
+            done(len(results))
+    if done is not None and not one_by_one:
+        done(len(results))
+    return results
 
 
 def thread_map(n_jobs):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from sklearn.base import clone
 
-from .._core.geometry.tracks import pack_tracks
+from .._core.geometry.tracks import non_empty_frames, pack_tracks, unpack_tracks
 from .._core.labels import canonical_labels
 from .._core.stream.joining import Joiner, parts_of
 from .._parallel.engine import run_tasks
@@ -19,6 +19,8 @@ from .._version import __version__
 LONG_CLIP = 100
 # Pictures in which distances between motions are measured are so many pixels wide.
 REFERENCE_WIDTH = 640
+# Tracks of a matrix that are unpacked at a time.
+BATCH = 1000
 
 
 class WindowedLabels(NamedTuple):
@@ -39,32 +41,90 @@ class WindowedLabels(NamedTuple):
     windows: np.ndarray
 
 
-def segment_in_windows(points, visibility, segmenter, rng):
+class LongClip:
+    """Tracks of a long clip, of which a window at a time is unpacked.
+
+    Tracks are short against such a clip, and their matrix holds hardly any points: it
+    may take most of the memory there is, and nothing of its size is made.
+
+    Parameters
+    ----------
+    X : ndarray of shape (n_tracks, 2 * n_frames)
+        As checked by an estimator.
+    fewest : int
+        Frames that are left at least when those that see nothing are left out.
+
+    Attributes
+    ----------
+    n_tracks, n_frames : int
+        Frames that see nothing are not counted.
+    frames : ndarray of int, shape (n_frames,)
+        Which frames of the matrix they are.
+    times : ndarray of int, shape (n_tracks,)
+        Frames in which each track is seen.
+    width : float
+        Of what the tracks cover, pixels: the longer side.
+    parts : list of Part
+        Its windows, in its frames.
+    """
+
+    def __init__(self, X, fewest):
+        self._X = X
+        seen, corners = [], []
+        for points, visibility in map(unpack_tracks, _batches(X)):
+            seen.append(visibility)
+            if visibility.any():
+                some = points[visibility]
+                corners += [some.min(axis=0), some.max(axis=0)]
+        visibility = np.concatenate(seen)
+        self.frames = non_empty_frames(visibility, fewest)
+        self.n_tracks, self.n_frames = len(X), len(self.frames)
+        self.width = float(np.ptp(corners, axis=0).max()) if corners else 0.0
+        self.times = visibility.sum(axis=1)
+        self.parts = parts_of(visibility[:, self.frames])
+
+    def window(self, part):
+        """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""
+        frames = self.frames[part.start : part.stop]
+        return unpack_tracks(self._X[np.ix_(part.tracks, _columns(frames))])
+
+
+def points_in_batches(X, frames):
+    """Points (n, n_frames, 2) in some frames of a matrix, some tracks at a time."""
+    for batch in _batches(X):
+        yield unpack_tracks(batch[:, _columns(frames)])[0]
+
+
+def _batches(X):
+    return (X[start : start + BATCH] for start in range(0, len(X), BATCH))
+
+
+def _columns(frames):
+    return (2 * frames[:, None] + [0, 1]).ravel()
+
+
+def segment_in_windows(clip, segmenter, rng, report=None):
     """Labels of the tracks of a long clip.
 
     Parameters
     ----------
-    points : ndarray of shape (n_tracks, n_frames, 2)
-    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    clip : LongClip
+        Or what else has its ``n_tracks``, ``width``, ``parts`` and ``window``.
     segmenter : MotionSegmenter
         Whose parameters the windows are segmented with. Their number of motions is
         open, as some may be out of view: ``n_motions`` is that of the whole.
     rng : RandomState
+    report : callable, optional
+        Called after each window with the number done and the number there will be.
 
     Returns
     -------
     WindowedLabels
     """
-    parts = parts_of(visibility)
+    parts = clip.parts
     seeds = rng.randint(2**31 - 1, size=len(parts))
     most = None if segmenter.n_motions == "auto" else segmenter.n_motions
-    estimator = clone(segmenter).set_params(
-        n_motions="auto",
-        max_motions=segmenter.max_motions if most is None else most,
-        min_motions=1 if most is not None else segmenter.min_motions,
-        memory=None,
-        n_jobs=None,
-    )
+    estimator = _for_windows(segmenter, most)
     memory = as_memory(segmenter.memory)
     found = run_tasks(
         (
@@ -73,27 +133,31 @@ def segment_in_windows(points, visibility, segmenter, rng):
                 _recall,
                 memory,
                 clone(estimator).set_params(random_state=int(seed)),
-                pack_tracks(*_of(part, points, visibility)),
+                pack_tracks(*clip.window(part)),
             )
             for part, seed in zip(parts, seeds, strict=True)
         ),
         n_jobs=segmenter.n_jobs,
+        done=report and (lambda done: report(done, len(parts))),
     )
-    some = points[visibility]
-    width = (some.max(axis=0) - some.min(axis=0)).max()
-    joiner = Joiner(len(points), most, float(width) / REFERENCE_WIDTH)
+    joiner = Joiner(clip.n_tracks, most, clip.width / REFERENCE_WIDTH)
     for part, labels in zip(parts, found, strict=True):
-        here, seen = _of(part, points, visibility)
-        joiner.add(part, here, seen, labels)
+        points, seen = clip.window(part)
+        joiner.add(part, points, seen, labels)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     return WindowedLabels(canonical_labels(labels), shares, frames)
 
 
-def _of(part, points, visibility):
-    """Points and visibility of the tracks of a window, in its frames."""
-    frames = slice(part.start, part.stop)
-    return points[part.tracks, frames], visibility[part.tracks, frames]
+def _for_windows(segmenter, most):
+    """The segmenter of a window, which may see fewer motions than there are."""
+    return clone(segmenter).set_params(
+        n_motions="auto",
+        max_motions=segmenter.max_motions if most is None else most,
+        min_motions=1 if most is not None else segmenter.min_motions,
+        memory=None,
+        n_jobs=None,
+    )
 
 
 def _recall(memory, estimator, X):

@@ -18,11 +18,15 @@ from .._core.graph.fusion import FUSIONS
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
 
-    All of them read their input through :meth:`_read_tracks` alone.
+    All of them read their input through :meth:`_read_packed` alone.
     """
 
     def _read_tracks(self, X, *, reset):
-        """Check tracks and unpack them.
+        """Check tracks and unpack them: points, float64, and visibility."""
+        return unpack_tracks(self._read_packed(X, reset=reset))
+
+    def _read_packed(self, X, *, reset):
+        """Check tracks.
 
         Parameters
         ----------
@@ -32,8 +36,8 @@ class TracksInput:
 
         Returns
         -------
-        points : ndarray of shape (n_tracks, n_frames, 2), float64
-        visibility : ndarray of bool, shape (n_tracks, n_frames)
+        ndarray of shape (n_tracks, 2 * n_frames), float64
+            ``X`` itself where it is such.
 
         Raises
         ------
@@ -53,7 +57,7 @@ class TracksInput:
                 "tracks need two columns per frame and at least two frames; "
                 f"got {X.shape[1]} columns{one_frame}"
             )
-        return unpack_tracks(X)
+        return X
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()  # type: ignore[misc]

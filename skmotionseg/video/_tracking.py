@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from numbers import Integral, Real
+from typing import NamedTuple
 
 import numpy as np
 
@@ -250,17 +251,70 @@ def follow_points(
 
 def _followed(frames, grid_spacing, max_error, min_texture, max_side):
     """Frames with their points, in pixels of the video, and the points' ids."""
-    sower, flow = _Sower(grid_spacing, min_texture), _PointFlow(max_error)
-    points, ids, previous = np.empty((0, 2)), np.empty(0, dtype=int), None
-    for frame in frames:
-        picture, scale = _shrunk_grey(frame, max_side)
-        if previous is not None:
-            points, followed = flow.follow(previous, picture, points)
+    tracker = PointTracker(grid_spacing, max_error, min_texture, max_side)
+    return map(tracker.step, frames)
+
+
+class TrackerState(NamedTuple):
+    """All that a tracker keeps from frame to frame, but the last frame itself.
+
+    Attributes
+    ----------
+    points : ndarray of shape (n_points, 2)
+        In pixels of the frame as it was tracked, perhaps shrunk.
+    ids : ndarray of int, shape (n_points,)
+    n_born : int
+        Ids that were given.
+    spacing : int or None
+        Of the grid; None before the first frame.
+    """
+
+    points: np.ndarray
+    ids: np.ndarray
+    n_born: int
+    spacing: int | None
+
+
+class PointTracker:
+    """Tracks points from frame to frame.
+
+    Parameters
+    ----------
+    grid_spacing, max_error, min_texture, max_side
+        As of :func:`track_video`.
+    state : TrackerState, optional
+        To go on from.
+    last : ndarray of shape (height, width, 3), uint8, optional
+        The frame after which that was the state.
+    """
+
+    def __init__(
+        self, grid_spacing, max_error, min_texture, max_side, state=None, last=None
+    ):
+        state = state or TrackerState(
+            np.empty((0, 2)), np.empty(0, dtype=int), 0, grid_spacing
+        )
+        self._points, self._ids = state.points, state.ids
+        self._sower = _Sower(state.spacing, min_texture, state.n_born)
+        self._flow, self._max_side = _PointFlow(max_error), max_side
+        self._previous = None if last is None else _shrunk_grey(last, max_side)[0]
+
+    @property
+    def state(self):
+        sower = self._sower
+        return TrackerState(self._points, self._ids, sower.n_born, sower.spacing)
+
+    def step(self, frame):
+        """The next frame with its points, a TrackedFrame."""
+        picture, scale = _shrunk_grey(frame, self._max_side)
+        points, ids = self._points, self._ids
+        if self._previous is not None:
+            points, followed = self._flow.follow(self._previous, picture, points)
             ids = ids[followed]
-        points, ids = sower.sow(picture, points, ids, flow.back)
+        points, ids = self._sower.sow(picture, points, ids, self._flow.back)
+        self._points, self._ids, self._previous = points, ids, picture
         # Pixels have their centre at 0.
-        yield TrackedFrame(frame, (points + 0.5) / scale - 0.5, ids)
-        previous = picture
+        return TrackedFrame(frame, (points + 0.5) / scale - 0.5, ids)
 
 
 def _shrunk_grey(frame, max_side):
@@ -285,10 +339,10 @@ def _shrunk_grey(frame, max_side):
 class _Sower:
     """Starts tracks where there are none."""
 
-    def __init__(self, spacing, min_texture):
-        self._spacing = spacing  # None until a picture tells it
+    def __init__(self, spacing, min_texture, n_born):
+        self.spacing = spacing  # None until a picture tells it
         self._min_texture = min_texture
-        self._n_born = 0
+        self.n_born = n_born
 
     def sow(self, picture, points, ids, flow):
         """Add new points, with new ids, to those that live.
@@ -298,25 +352,25 @@ class _Sower:
         cv2 = require("cv2", extra="video")
         texture = cv2.cornerMinEigenVal(picture, WINDOW)
         threshold = self._min_texture * texture.mean()
-        if self._spacing is None:
+        if self.spacing is None:
             side = round(np.sqrt(picture.size / N_CELLS))
-            self._spacing = min(max(side, SMALLEST_SPACING), LARGEST_SPACING)
-        born = seed_points(texture, self._spacing, threshold, points)
+            self.spacing = min(max(side, SMALLEST_SPACING), LARGEST_SPACING)
+        born = seed_points(texture, self.spacing, threshold, points)
         if flow is not None:
             live = np.concatenate([points, born])
             more = self._sow_finely(texture, threshold, live, flow)
             born = np.concatenate([born, more])
-        born_ids = self._n_born + np.arange(len(born))
-        self._n_born += len(born)
+        born_ids = self.n_born + np.arange(len(born))
+        self.n_born += len(born)
         return np.concatenate([points, born]), np.concatenate([ids, born_ids])
 
     def _sow_finely(self, texture, threshold, live, flow):
         """New points where the flow differs from that around."""
-        apart = stands_out(flow, self._spacing)
-        budget = EXTRA_CELLS * apart.size / self._spacing**2
+        apart = stands_out(flow, self.spacing)
+        budget = EXTRA_CELLS * apart.size / self.spacing**2
         side = np.sqrt(apart.sum() / budget)
-        side = max(int(np.ceil(side)), self._spacing // 2, 2)
-        if side >= self._spacing or not apart.any():
+        side = max(int(np.ceil(side)), self.spacing // 2, 2)
+        if side >= self.spacing or not apart.any():
             return np.empty((0, 2))
         return seed_points(np.where(apart, texture, -np.inf), side, threshold, live)
 
@@ -325,20 +379,22 @@ class _PointFlow:
     """Moves points from picture to picture."""
 
     def __init__(self, max_error):
-        cv2 = require("cv2", extra="video")
         self._max_error = max_error
         self.back = None  # the flow from the last picture to the one before it
-        # The preset "medium" takes four times as long. Once refined, both are as exact.
-        self._dense = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
 
     def follow(self, first, second, points):
         """Points in the second picture, and which of those in the first they are."""
+        cv2 = require("cv2", extra="video")
         if len(points) == 0:
             self.back = None
             return points, np.zeros(0, dtype=bool)
-        flow = self._dense.calc(first, second, None)
+        # Sizes that are not whole multiples of its patches make what it gives depend on
+        # pictures of before, so it is made anew. The preset "medium" takes four times
+        # as long. Once refined, both are as exact.
+        dense = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
+        flow = dense.calc(first, second, None)
         moved = _refine(first, second, points, points + sample_field(flow, points))
-        back = self.back = self._dense.calc(second, first, None)
+        back = self.back = dense.calc(second, first, None)
         returned = _refine(second, first, moved, moved + sample_field(back, moved))
         good = np.hypot(*(returned - points).T) <= self._max_error
         good &= is_inside(moved, second.shape)

@@ -41,3 +41,13 @@ def test_numbers_are_forgotten_and_merged():
     numbers.merge(3, 2)
     numbers.merge(2, 0)
     assert_array_equal(numbers.final(np.array([-1, 0, 1, 2, 3])), [-1, 0, 1, 0, 0])
+
+
+def test_motion_that_has_lost_its_tracks_may_be_the_one_that_appears():
+    numbers = Numbers()
+    numbers.new(), numbers.new()
+    fading = {1: at(10, 100.0, 100.0)}
+    near, far = at(12, 110.0, 100.0), at(12, 500.0, 400.0)
+    assert numbers.of(near, 1.0, {0}, fading=fading) == (1, True)
+    assert numbers.of(far, 1.0, {0}, fading=fading) == (2, False)
+    assert list(fading) == [1]

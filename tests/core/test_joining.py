@@ -24,13 +24,18 @@ def test_windows_cover_a_clip(n_frames):
     assert_array_equal(tracks, np.flatnonzero(visibility.any(axis=1)))
 
 
-def joined(windows, n_tracks, most=None, points=None):
-    """Labels after windows of ten frames, given as {track: label}."""
+def joined(windows, n_tracks, most=None, points=None, frames=None):
+    """Labels after windows of ten frames, given as {track: label}.
+
+    Tracks are seen in all frames of a window, or in those of ``{track: frames}``.
+    """
     joiner = Joiner(n_tracks, most, 1.0)
     for k, labels in enumerate(windows):
         tracks = np.array(sorted(labels))
         where = np.zeros((len(tracks), 10, 2)) if points is None else points[k][tracks]
         seen = np.ones(where.shape[:2], dtype=bool)
+        for row, track in enumerate(tracks if frames else ()):
+            seen[row] = np.isin(np.arange(10), frames.get(int(track), np.arange(10)))
         part = Part(10 * k, 10 * k + 10, tracks)
         joiner.add(part, where, seen, np.array([labels[t] for t in tracks]))
     return joiner.labels()[0]
@@ -61,3 +66,40 @@ def test_no_more_numbers_than_motions():
     second = first | dict.fromkeys(range(15, 20), 2)
     assert set(joined([first, second], 20, most=2)) == {0, 1}
     assert set(joined([first, second], 20)) == {0, 1}  # by the frames of the first
+
+
+def three_places(n_tracks):
+    """Where the scene, a thing, and another thing are, by tens of tracks."""
+    points = np.zeros((2, n_tracks, 10, 2)) + np.arange(n_tracks)[:, None, None] % 10
+    points[:, 10:20] += [400, 0]
+    points[:, 20:30] += [0, 300]
+    return points
+
+
+def test_what_comes_back_within_a_window_is_what_left_and_not_what_is_hidden():
+    points = three_places(50)
+    points[:, 30:40] += [400, 0]  # where the first thing was
+    first = {t: t // 10 for t in range(30)}
+    # The second thing is gone; of the first, other tracks are seen later.
+    second = dict.fromkeys(range(10), 0) | dict.fromkeys(range(10, 20), 1)
+    second |= dict.fromkeys(range(30, 40), 2)
+    frames = dict.fromkeys(range(10, 20), np.arange(5))
+    frames |= dict.fromkeys(range(30, 40), np.arange(5, 10))
+    labels = joined([first, second], 50, 3, points, frames)
+    assert set(labels[30:40]) == {labels[10]}
+    assert labels[10] != labels[20]
+    # At one time with the other tracks, it is another thing.
+    labels = joined([first, second], 50, 3, points)
+    assert set(labels[30:40]) == {labels[20]}
+
+
+def test_part_of_a_motion_is_no_hidden_one_that_was_elsewhere():
+    points = three_places(30)
+    first = {t: t // 10 for t in range(30)}
+    second = dict.fromkeys(range(10), 0) | dict.fromkeys(range(10, 16), 1)
+    second |= dict.fromkeys(range(16, 20), 2)
+    assert len(set(joined([first, second], 30, 3, points)[10:20])) == 1
+    # Without a limit it may be a thing that begins to move.
+    points = [*points, points[0]]
+    labels = joined([first, second, second], 30, None, points)
+    assert len(set(labels[10:20])) == 2

@@ -18,7 +18,6 @@ from skmotionseg import (
     PerSequence,
     SelfTuningModelSelector,
 )
-from skmotionseg._core.geometry.tracks import unpack_tracks
 
 N_FRAMES = 4
 
@@ -37,11 +36,11 @@ def spread(X):
 
 
 class ReadsAnyMatrix:
-    def _read_tracks(self, X, *, reset):
+    def _read_packed(self, X, *, reset):
         X = validate_data(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )
-        return unpack_tracks(spread(X))
+        return spread(X)
 
 
 class AnySampler(ReadsAnyMatrix, HypothesisSampler):

@@ -129,7 +129,9 @@ class Numbers:
             del self.hidden[number]
         return lost
 
-    def of(self, trace, pixel, living, former=None, most=None):
+    def of(
+        self, trace, pixel, living, former=None, most=None, fading=None, shared=None
+    ):
         """Number of a motion that has appeared, and whether it was there before.
 
         Parameters
@@ -143,6 +145,12 @@ class Numbers:
             The number that most of its tracks had: theirs, if nobody has it.
         most : int, optional
             Numbers that may be given. If all are, it is the likeliest hidden one.
+        fading : dict of int to Trace, optional
+            Motions that have lost their tracks, and are not hidden yet: they may be
+            this one as well as those that are.
+        shared : int, optional
+            The number of a motion that it may be a part of: its own if all numbers are
+            given and none is expected there.
 
         Returns
         -------
@@ -153,13 +161,17 @@ class Numbers:
         if former is not None and 0 <= former < self.next and former not in living:
             self.hidden.pop(former, None)
             return former, True
-        traces = {} if trace is None else self.hidden
+        traces = {} if trace is None else {**self.hidden, **(fading or {})}
         known = {n: each.continued(trace, pixel) for n, each in traces.items()}
         full = most is not None and self.next >= most
-        likely = [n for n, (distance, _) in known.items() if full or distance <= 1]
+        likely = [n for n, (distance, _) in known.items() if distance <= 1]
+        if full and not likely:
+            if shared is not None:
+                return shared, True
+            likely = list(known)
         if likely:
             number = min(likely, key=lambda n: known[n][1])
-            del self.hidden[number]
+            self.hidden.pop(number, None)
             return number, True
         return (None, False) if full else (self.new(), False)
 

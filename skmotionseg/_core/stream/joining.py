@@ -34,6 +34,13 @@ class Part(NamedTuple):
     tracks: np.ndarray
 
 
+def window_ends(n_frames):
+    """First frame of each window of so many frames, and the frame after its last."""
+    n_windows = 1 + int(np.ceil(max(n_frames - WINDOW, 0) / (WINDOW - OVERLAP)))
+    starts = np.linspace(0, max(n_frames - WINDOW, 0), n_windows).round().astype(int)
+    return [(int(start), int(min(start + WINDOW, n_frames))) for start in starts]
+
+
 def parts_of(visibility):
     """Windows that overlap and cover a video, and their tracks.
 
@@ -46,18 +53,16 @@ def parts_of(visibility):
     list of Part
         Each track that is seen is in one of them.
     """
-    n_frames = visibility.shape[1]
-    n_windows = 1 + int(np.ceil(max(n_frames - WINDOW, 0) / (WINDOW - OVERLAP)))
-    starts = np.linspace(0, max(n_frames - WINDOW, 0), n_windows).round().astype(int)
-    times = [visibility[:, start : start + WINDOW].sum(axis=1) for start in starts]
+    ends = window_ends(visibility.shape[1])
+    times = [visibility[:, start:stop].sum(axis=1) for start, stop in ends]
     most = np.maximum.reduce(times)
     return [
         Part(
-            int(start),
-            int(min(start + WINDOW, n_frames)),
+            start,
+            stop,
             np.flatnonzero((n >= np.minimum(most, FEWEST_SEEN)) & (n > 0)),
         )
-        for start, n in zip(starts, times, strict=True)
+        for (start, stop), n in zip(ends, times, strict=True)
     ]
 
 
@@ -109,19 +114,10 @@ class Joiner:
             if k not in going_on:
                 trace = _trace(part.start, points[rows], seen[rows], first=True)
                 living = {int(name) for name in names if name >= 0}
-                number, _ = self.numbers.of(
-                    trace,
-                    self.pixel,
-                    living,
-                    self._former(part.tracks[rows]),
-                    self.most,
-                )
-                names[k] = (
-                    self._shared_most(part.tracks[rows]) if number is None else number
-                )
+                names[k] = self._number_of(part.tracks[rows], trace, living)
             trace = _trace(part.start, points[rows], seen[rows], first=False)
             if trace is not None and names[k] >= 0:
-                self._traces[int(names[k])] = trace
+                self._end(int(names[k]), trace)
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
         self.numbers.forget(part.start)
 
@@ -158,16 +154,38 @@ class Joiner:
             if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
         }
 
+    def _number_of(self, tracks, trace, living):
+        """Number of a group that does not go on; -1 of one that nothing tells.
+
+        A motion that left the picture before the group came into it may be the same.
+        """
+        ended = {
+            number: self._traces[number]
+            for number in living & set(self._traces)
+            if trace is not None and self._traces[number].frame <= trace.frame
+        }
+        shared, former = self._shared_most(tracks), self._former(tracks)
+        number, _ = self.numbers.of(
+            trace, self.pixel, living, former, self.most, ended, shared
+        )
+        return -1 if number is None else number
+
+    def _end(self, number, trace):
+        """Note where a motion was seen last; a part of it may have gone before."""
+        known = self._traces.get(number)
+        if known is None or known.frame <= trace.frame:
+            self._traces[number] = trace
+
     def _former(self, tracks):
         """The number that most of some tracks have had; None if they had none."""
         votes = self._votes[tracks].sum(axis=0)
         return int(votes.argmax()) if votes.any() else None
 
     def _shared_most(self, tracks):
-        """The number of the last window that most of some tracks have."""
+        """The number that most of some tracks had in the last window, if any did."""
         known = self._last[tracks]
         counts = np.bincount(known[known >= 0], minlength=1)
-        return int(counts.argmax()) if counts.any() else -1
+        return int(counts.argmax()) if counts.max() >= SHARED_TRACKS else None
 
     def _vote(self, tracks, names, times):
         more = self.numbers.next - self._votes.shape[1]

@@ -6,21 +6,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import FOCAL_LENGTHS, LEAST_NOISE
+from ..geometry.windows import LEAST_NOISE
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
-from .births import LEAST_FREEDOM, UNEXPLAINED, find_candidate, joint_motion
+from .births import LEAST_FREEDOM, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
+from .following import (
+    are_doubtful,
+    can_be_told,
+    columns_of,
+    fitted_groups,
+    groups_of,
+    may_join,
+)
 from .history import History
 from .identities import Numbers, Trace
 from .living import LivingMotion, advance, compare, refit, verdict
-from .window import FEWEST_TRACKS, LENGTH, Camera, Window
+from .starting import SCALE_OF_NOISE, calibrate
+from .window import FEWEST_TRACKS, LENGTH, Window
 
 # Frames, tracks and observations of each by which motions are found at first.
 FIRST_FRAMES, FIRST_TRACKS, FIRST_SEEN = 10, 16, 4
-# The scale of residuals, in units of their median, and the share of it that follows.
-SCALE_OF_NOISE, FOLLOWING = 2.0, 0.05
-# Factors by which the best of a few focal lengths is improved.
-FOCAL_STEPS = (1.25, 1.12, 1.06)
+# Share of the scale of residuals that follows what they are now.
+FOLLOWING = 0.05
 # Frames from one look for new motions to the next.
 FRAMES_PER_LOOK = 3
 # Frames in which nothing goes on after which the film was cut: a stray one is none.
@@ -155,46 +162,15 @@ class MotionStream:
         self.first = self.frame + 1  # to look again, if nothing is found
         labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
         groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
-        found = self._calibrated(rows, groups)
-        for k, (group, fit) in enumerate(zip(groups, found, strict=True)):
+        found = calibrate(self.buffer.points, self.buffer.seen, rows, groups)
+        if np.isfinite(found.nats):
+            self.camera, self.scale = found.camera, found.scale
+        for k, (group, fit) in enumerate(zip(groups, found.fits, strict=True)):
             if fit is not None:
                 self._begin(group, fit, static=k == 0)
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
         names = ", ".join(str(motion.number) for motion in self.motions)
         return [Event(self.frame, "start", f"motions {names}")] if names else []
-
-    def _calibrated(self, rows, groups):
-        """Fits of groups, with the camera and the scale that explain them best."""
-        some = self.buffer.points[self.buffer.seen]
-        tried: dict[float, tuple] = {}
-
-        def nats(share):
-            if share not in tried:
-                tried[share] = self._fits_before(
-                    Camera.around(some, share), rows, groups
-                )
-            return tried[share][0]
-
-        best = min(FOCAL_LENGTHS, key=nats)
-        for step in FOCAL_STEPS:
-            best = min((best, best * step, best / step), key=nats)
-        total, camera, found, deviation = tried[best]
-        if np.isfinite(total):
-            self.camera = camera
-            self.scale = camera.noise * max(1.0, SCALE_OF_NOISE * deviation)
-        return found
-
-    def _fits_before(self, camera, rows, groups):
-        """Nats of tracks before a camera, the camera, fits, and median deviation."""
-        window = Window(self.buffer.points, self.buffer.seen, camera)
-        fits = window.fit(groups)
-        known = [fit for fit in fits if fit]
-        if not known:
-            return np.inf, camera, fits, 0.0
-        measured = measure(window, known, camera.noise, rows)
-        deviations = measured.deviations().min(axis=1)
-        deviation = np.median(deviations[np.isfinite(deviations)])
-        return measured.nats.min(axis=1).sum(), camera, fits, float(deviation)
 
     def _begin(self, group, fit, static):
         """Let a motion live that was found at a start."""
@@ -215,7 +191,7 @@ class MotionStream:
     def _follow(self):
         """Bring motions, and the labels of tracks, to the newest frame."""
         window = Window(self.buffer.points, self.buffer.seen, self.camera)
-        groups = self._fitted()
+        groups = fitted_groups(self.buffer, self.motions)
         advance(window, self.motions, groups)
         refit(window, self.motions, groups, self.scale, self.frame)
         residuals = self._assign(window)
@@ -238,75 +214,32 @@ class MotionStream:
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
         self.first = self.frame - CUT_AFTER + 1
 
-    def _groups(self):
-        """Rows of the tracks of each living motion, without outliers."""
-        labels = np.where(self.buffer.outlying, UNKNOWN, self.buffer.labels)
-        return [np.flatnonzero(labels == motion.number) for motion in self.motions]
-
-    def _fitted(self):
-        """Rows of the tracks to which each living motion is fitted.
-
-        What follows it only because nothing else explains it does not bend it, as long
-        as half of its tracks are explained.
-        """
-        found = []
-        for rows in self._groups():
-            explained = rows[~self.buffer.doubtful[rows]]
-            found.append(explained if 2 * len(explained) >= len(rows) else rows)
-        return found
-
-    def _columns(self):
-        """Living motion of each track; -1 for none."""
-        columns = np.full(len(self.buffer.ids), UNKNOWN)
-        for k, motion in enumerate(self.motions):
-            columns[self.buffer.labels == motion.number] = k
-        return columns
-
     def _assign(self, window):
         """Residuals of all tracks from all motions, by which tracks follow one."""
         buffer, now = self.buffer, self.buffer.seen[:, -1]
         fits = [motion.fit for motion in self.motions]
-        residuals = measure(window, fits, self.scale, groups=self._fitted())
-        columns = self._columns()
+        residuals = measure(
+            window, fits, self.scale, groups=fitted_groups(buffer, self.motions)
+        )
+        columns = columns_of(self.buffer.labels, self.motions)
         shares = np.zeros_like(residuals.nats)
         voters = np.where(window.freedom[now] >= LEAST_FREEDOM, columns[now], UNKNOWN)
         places = buffer.points[now, -1]
         shares[now] = neighbour_shares(places, voters, len(self.motions))
-        nats = np.where(self._may_join(residuals, columns), residuals.nats, np.inf)
+        nats = np.where(
+            may_join(residuals, columns, self.motions), residuals.nats, np.inf
+        )
         chosen = assign(nats, buffer.memory, shares, columns)
-        told = now & self._told(window, residuals, columns, shares)
+        told = can_be_told(window, residuals, buffer.labels, columns, shares) & now
         numbers = np.array([motion.number for motion in self.motions])
         buffer.follow(np.where(told, numbers[chosen], buffer.labels))
         kept = remembered(buffer.memory, residuals.nats, LENGTH)
         buffer.memory = np.where(now[:, None], kept, buffer.memory)
         own = np.take_along_axis(residuals.deviations(), chosen[:, None], 1)[:, 0]
         buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
-        doubtful = (own > UNEXPLAINED) & (window.freedom >= LEAST_FREEDOM)
-        buffer.doubtful = np.where(now, doubtful, buffer.doubtful)
+        buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
         self._follow_noise(own[now])
         return residuals
-
-    def _told(self, window, residuals, columns, shares):
-        """Which tracks can be told to follow a living motion: bool, (n,).
-
-        What is too young to be judged, and has no neighbours, follows nothing. What
-        followed a motion that is hidden does so until another one explains it.
-        """
-        judged = window.freedom >= LEAST_FREEDOM
-        explained = (residuals.deviations() < UNEXPLAINED).any(axis=1) & judged
-        hidden = (self.buffer.labels > UNKNOWN) & (columns < 0)
-        known = (window.freedom > 0) | shares.any(axis=1) | (columns >= 0)
-        return np.where(hidden, explained, known)
-
-    def _may_join(self, residuals, columns):
-        """Which tracks may follow which motions: bool, (n, M)."""
-        closed = np.array([motion.is_closed for motion in self.motions])
-        if closed.all():
-            return np.ones((len(columns), len(closed)), dtype=bool)
-        deviations = residuals.deviations()[:, ~closed]
-        lost = ~(deviations < UNEXPLAINED).any(axis=1)
-        own = columns[:, None] == np.arange(len(closed))
-        return ~closed | own | lost[:, None]
 
     def _follow_noise(self, own):
         own = own[np.isfinite(own)]
@@ -347,6 +280,7 @@ class MotionStream:
             {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
             self.n_motions,
+            self._fading(),
         )
         if number is None:
             return "dropped"
@@ -359,6 +293,14 @@ class MotionStream:
         kind, words = ("again", "is seen again") if again else ("new", "is new")
         events.append(Event(self.frame, kind, f"motion {number} {words}"))
         return None
+
+    def _fading(self):
+        """Traces of motions that have lost their tracks, by number."""
+        return {
+            other.number: other.trace
+            for other in self.motions
+            if other.unseen and other.is_established and other.trace is not None
+        }
 
     def _remove(self, column, decision, other, events):
         """Take a motion out of the living."""
@@ -382,7 +324,7 @@ class MotionStream:
         """Look for a motion of tracks that none explains: a candidate."""
         if self.frame % FRAMES_PER_LOOK or not self.motions:
             return
-        buffer, columns = self.buffer, self._columns()
+        buffer, columns = self.buffer, columns_of(self.buffer.labels, self.motions)
         chosen = np.where(columns < 0, residuals.nats.argmin(axis=1), columns)
         now = buffer.seen[:, -1]
         fit, members = find_candidate(
@@ -404,7 +346,9 @@ class MotionStream:
     def _explained_jointly(self, window, fit, members):
         """Whether the motion that most tracks followed explains them, fitted better."""
         former = _most(self.buffer.shown()[members])
-        for motion, rows in zip(self.motions, self._groups(), strict=True):
+        for motion, rows in zip(
+            self.motions, groups_of(self.buffer, self.motions), strict=True
+        ):
             rows = np.setdiff1d(rows, members)
             if motion.number == former and len(rows) >= FEWEST_TRACKS:
                 fits = motion.fit, fit

@@ -1,0 +1,238 @@
+"""Tracks of a video in a folder: tracking goes on where it was interrupted."""
+
+from __future__ import annotations
+
+import json
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from .._core.geometry.tracks import pack_tracks
+from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
+from .._utils.writing import replacing
+from ..video._tracking import PointTracker, TrackerState
+
+# Frames of a file: what is lost at most.
+BLOCK = 20
+SETTINGS = "run.json"
+
+
+class StoredTracks:
+    """Tracks of a video in files of some frames each.
+
+    A file is there whole or not at all, and holds all that tracking goes on from.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    settings : dict of str to str, number or None
+        What the tracks depend on.
+
+    Attributes
+    ----------
+    n_frames : int
+        Frames that are stored.
+    is_whole : bool
+        Whether the video ended after them.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds something else, or tracks of other settings.
+    """
+
+    def __init__(self, folder, settings):
+        self.folder, self._settings = Path(folder), settings
+        self.folder.mkdir(exist_ok=True)
+        self.n_frames, self.is_whole = 0, False
+        path = self.folder / SETTINGS
+        if not path.exists():
+            if any(self.folder.iterdir()):
+                raise ValueError(f"{folder} holds no run that could be resumed")
+            self._note(None)
+            return
+        known = json.loads(path.read_text())
+        for name, value in settings.items():
+            if known["settings"].get(name) != value:
+                raise ValueError(
+                    f"{folder} is of another run: its {name} is "
+                    f"{known['settings'].get(name)!r}, and this one's {value!r}"
+                )
+        while self._path(self.n_frames).exists():
+            self.n_frames += len(_read(self._path(self.n_frames))["counts"])
+        self.is_whole = known["n_frames"] == self.n_frames
+
+    def append(self, tracked, state, size):
+        """Store frames.
+
+        Parameters
+        ----------
+        tracked : list of (ids, points)
+        state : TrackerState
+            After the last of them.
+        size : tuple of (int, int)
+            Width and height.
+        """
+        with replacing(self._path(self.n_frames)) as file:
+            np.savez(
+                file,
+                counts=[len(ids) for ids, _ in tracked],
+                ids=np.concatenate([ids for ids, _ in tracked]).astype(np.int32),
+                points=np.concatenate([points for _, points in tracked], dtype="f4"),
+                size=size,
+                last_points=state.points,
+                last_ids=state.ids,
+                last_numbers=[state.n_born, state.spacing],
+            )
+        self.n_frames += len(tracked)
+
+    def end(self):
+        """Note that the video has no more frames."""
+        self._note(self.n_frames)
+        self.is_whole = True
+
+    @property
+    def size(self):
+        """Width and height of a frame."""
+        return tuple(map(int, self._last()["size"]))
+
+    @property
+    def state(self):
+        """The state of the tracker after the last frame; None before the first."""
+        if not self.n_frames:
+            return None
+        last = self._last()
+        n_born, spacing = map(int, last["last_numbers"])
+        return TrackerState(last["last_points"], last["last_ids"], n_born, spacing)
+
+    def frames(self, start=0, stop=None):
+        """Yield ids, int32, and points (n, 2), float32, of some frames."""
+        stop = self.n_frames if stop is None else stop
+        for first in range(start - start % BLOCK, stop, BLOCK):
+            block = _read(self._path(first))
+            ends = np.cumsum(block["counts"])[:-1]
+            parts = [np.split(block[name], ends) for name in ("ids", "points")]
+            wanted = slice(max(start - first, 0), stop - first)
+            yield from islice(zip(*parts, strict=True), wanted.start, wanted.stop)
+
+    def _last(self):
+        return _read(self._path((self.n_frames - 1) // BLOCK * BLOCK))
+
+    def _path(self, first):
+        return self.folder / f"tracks-{first:09d}.npz"
+
+    def _note(self, n_frames):
+        with replacing(self.folder / SETTINGS) as file:
+            noted = {"settings": self._settings, "n_frames": n_frames}
+            file.write(json.dumps(noted, indent=1).encode())
+
+
+def _read(path):
+    with np.load(path) as file:
+        return dict(file)
+
+
+def track_into(stored, frames, options, max_frames, report):
+    """Track the frames of a video that are not stored yet.
+
+    Parameters
+    ----------
+    stored : StoredTracks
+    frames : Frames
+    options : dict
+        Of :class:`PointTracker`.
+    max_frames : int or None
+    report : callable
+        Called after each frame with the number done.
+    """
+    if stored.is_whole:
+        return
+    iterator = islice(frames, max_frames)
+    last = None
+    if stored.n_frames:
+        last = next(islice(iterator, stored.n_frames - 1, None))
+    tracker = PointTracker(**options, state=stored.state, last=last)
+    tracked: list = []
+    size = (0, 0)
+    for frame in iterator:
+        each = tracker.step(frame)
+        size = frame.shape[1], frame.shape[0]
+        tracked.append((each.ids, each.points))
+        if len(tracked) == BLOCK:
+            stored.append(tracked, tracker.state, size)
+            tracked = []
+        report(stored.n_frames + len(tracked))
+    if tracked:
+        stored.append(tracked, tracker.state, size)
+    stored.end()
+
+
+class StoredClip:
+    """Stored tracks as a long clip, of which a window at a time is in memory.
+
+    Parameters
+    ----------
+    stored : StoredTracks
+    shortest : int
+        Frames of a track that is kept, not fewer than a window must see of it.
+
+    Attributes
+    ----------
+    n_tracks, n_frames : int
+        Tracks that are kept, and frames.
+    rows : ndarray of int, shape (n_ids,)
+        Which of them an id is; -1 of those that are too short.
+    width, parts
+        As of :class:`~skmotionseg._segmenter.long_clips.LongClip`.
+    """
+
+    def __init__(self, stored, shortest):
+        self._stored, self.n_frames = stored, stored.n_frames
+        state = stored.state
+        times = np.zeros(0 if state is None else state.n_born, dtype=np.int32)
+        for ids, _ in stored.frames():
+            times[ids] += 1
+        kept = times >= shortest
+        self.rows = np.where(kept, np.cumsum(kept) - 1, -1).astype(np.int32)
+        self.n_tracks = int(kept.sum())
+        corners = [
+            corner
+            for ids, points in stored.frames()
+            if kept[ids].any()
+            for corner in (points[kept[ids]].min(axis=0), points[kept[ids]].max(axis=0))
+        ]
+        self.width = float(np.ptp(corners, axis=0).max()) if corners else 0.0
+        self.parts = [self._part(*ends) for ends in window_ends(stored.n_frames)]
+
+    def frames(self):
+        """Yield rows and points of each frame, of the tracks that are kept."""
+        for ids, points in self._stored.frames():
+            rows = self.rows[ids]
+            yield rows[rows >= 0], points[rows >= 0]
+
+    def window(self, part):
+        """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""
+        points = np.full((len(part.tracks), part.stop - part.start, 2), np.nan)
+        frames = self._stored.frames(part.start, part.stop)
+        for frame, (ids, where) in enumerate(frames):
+            rows = self.rows[ids]
+            _, here, there = np.intersect1d(part.tracks, rows, return_indices=True)
+            points[here, frame] = where[there]
+        return points, np.isfinite(points).all(axis=2)
+
+    def matrix(self):
+        """All tracks as one matrix, float32, which may be large."""
+        shape = self.n_tracks, self.n_frames, 2
+        points = np.full(shape, np.nan, dtype=np.float32)
+        for frame, (rows, where) in enumerate(self.frames()):
+            points[rows, frame] = where
+        return pack_tracks(points)
+
+    def _part(self, start, stop):
+        """A window, and the tracks that are seen enough in it."""
+        seen = [ids for ids, _ in self._stored.frames(start, stop)]
+        ids, times = np.unique(np.concatenate(seen), return_counts=True)
+        rows = self.rows[ids[times >= FEWEST_SEEN]]
+        return Part(start, stop, rows[rows >= 0])

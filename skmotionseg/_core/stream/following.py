@@ -1,0 +1,111 @@
+"""Which tracks of a stream decide on a motion, and which may follow it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .births import LEAST_FREEDOM, UNEXPLAINED
+from .buffer import UNKNOWN
+
+
+def groups_of(buffer, motions):
+    """Rows of the tracks of each living motion, without outliers.
+
+    Parameters
+    ----------
+    buffer : TrackBuffer
+    motions : list of LivingMotion
+
+    Returns
+    -------
+    list of ndarray of int
+    """
+    labels = np.where(buffer.outlying, UNKNOWN, buffer.labels)
+    return [np.flatnonzero(labels == motion.number) for motion in motions]
+
+
+def fitted_groups(buffer, motions):
+    """Rows of the tracks to which each living motion is fitted.
+
+    What follows it only because nothing else explains it does not bend it, as long as
+    half of its tracks are explained.
+    """
+    found = []
+    for rows in groups_of(buffer, motions):
+        explained = rows[~buffer.doubtful[rows]]
+        found.append(explained if 2 * len(explained) >= len(rows) else rows)
+    return found
+
+
+def columns_of(labels, motions):
+    """Which living motion each track follows, int, (n,); -1 for none."""
+    columns = np.full(len(labels), UNKNOWN)
+    for k, motion in enumerate(motions):
+        columns[labels == motion.number] = k
+    return columns
+
+
+def may_join(residuals, columns, motions):
+    """Which tracks may follow which motions.
+
+    Parameters
+    ----------
+    residuals : Residuals
+    columns : ndarray of int, shape (n,)
+        As of :func:`columns_of`.
+    motions : list of LivingMotion
+
+    Returns
+    -------
+    ndarray of bool, shape (n, M)
+        To those that are closed come only tracks that no other explains.
+    """
+    closed = np.array([motion.is_closed for motion in motions])
+    if closed.all():
+        return np.ones((len(columns), len(closed)), dtype=bool)
+    deviations = residuals.deviations()[:, ~closed]
+    lost = ~(deviations < UNEXPLAINED).any(axis=1)
+    own = columns[:, None] == np.arange(len(closed))
+    return ~closed | own | lost[:, None]
+
+
+def can_be_told(window, residuals, labels, columns, shares):
+    """Which tracks can be told to follow a living motion.
+
+    What is too young to be judged, and has no neighbours, follows nothing. What
+    followed a motion that is hidden does so until another one explains it.
+
+    Parameters
+    ----------
+    window : Window
+    residuals : Residuals
+    labels, columns : ndarray of int, shape (n,)
+        Number and living motion of each track.
+    shares : ndarray of shape (n, M)
+        Of its neighbours.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    judged = window.freedom >= LEAST_FREEDOM
+    explained = (residuals.deviations() < UNEXPLAINED).any(axis=1) & judged
+    hidden = (labels > UNKNOWN) & (columns < 0)
+    known = (window.freedom > 0) | shares.any(axis=1) | (columns >= 0)
+    return np.where(hidden, explained, known)
+
+
+def are_doubtful(window, deviations):
+    """Which tracks their own motion does not explain, as far as they can be judged.
+
+    Parameters
+    ----------
+    window : Window
+    deviations : ndarray of shape (n,)
+        From their own motions, in scales; NaN where unknown.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    return (deviations > UNEXPLAINED) & (window.freedom >= LEAST_FREEDOM)

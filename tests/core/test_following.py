@@ -1,0 +1,100 @@
+"""Which tracks decide on a motion, and which may follow it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from helpers.windows import two_windows
+from numpy.testing import assert_array_equal
+
+from skmotionseg._core.stream.assignment import measure
+from skmotionseg._core.stream.following import (
+    are_doubtful,
+    can_be_told,
+    columns_of,
+    fitted_groups,
+    groups_of,
+    may_join,
+)
+from skmotionseg._core.stream.living import LivingMotion
+
+
+def living(*numbers, **known):
+    return [LivingMotion(number, None, 0, **known) for number in numbers]
+
+
+def buffer_of(labels, doubtful=(), outlying=()):
+    n = len(labels)
+    return SimpleNamespace(
+        labels=np.array(labels),
+        doubtful=np.isin(np.arange(n), doubtful),
+        outlying=np.isin(np.arange(n), outlying),
+    )
+
+
+def test_outliers_are_in_no_group():
+    buffer = buffer_of([0, 0, 1, 1, -1], outlying=[1])
+    groups = groups_of(buffer, living(1, 0))
+    assert [rows.tolist() for rows in groups] == [[2, 3], [0]]
+    assert_array_equal(columns_of(buffer.labels, living(1, 0)), [1, 1, 0, 0, -1])
+
+
+def test_doubtful_tracks_do_not_bend_a_motion_unless_they_are_most_of_it():
+    labels = [0] * 6 + [1] * 3
+    some = fitted_groups(buffer_of(labels, doubtful=[0, 1, 2, 6]), living(0, 1))
+    assert [rows.tolist() for rows in some] == [[3, 4, 5], [7, 8]]
+    most = fitted_groups(buffer_of(labels, doubtful=[0, 1, 2, 3, 6, 7]), living(0, 1))
+    assert [rows.tolist() for rows in most] == [[0, 1, 2, 3, 4, 5], [6, 7, 8]]
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """A window, the tracks of each thing in view, and residuals from both motions."""
+    (window, _), groups = two_windows()
+    residuals = measure(window, window.fit(groups), window.camera.noise)
+    return window, [rows[window.freedom[rows] >= 5] for rows in groups], residuals
+
+
+def test_tracks_of_another_motion_are_doubtful(measured):
+    window, (scene, thing), residuals = measured
+    deviations = residuals.deviations()
+    assert are_doubtful(window, deviations[:, 0])[scene].mean() < 0.05
+    assert are_doubtful(window, deviations[:, 0])[thing].mean() > 0.9
+    assert are_doubtful(window, deviations[:, 1])[thing].mean() < 0.05
+    unknown = np.full(len(deviations), np.nan)
+    assert not are_doubtful(window, unknown).any()
+    young = SimpleNamespace(freedom=np.full(len(deviations), 3))
+    assert not are_doubtful(young, deviations[:, 0]).any()
+
+
+def test_motions_that_are_closed_take_what_nothing_else_explains(measured):
+    _, (scene, thing), residuals = measured
+    columns = np.full(len(residuals.nats), -1)
+    columns[scene[:5]] = 1
+    assert may_join(residuals, columns, living(0, 1)).all()
+    assert may_join(residuals, columns, living(-9, -8)).all()
+    allowed = may_join(residuals, columns, living(0, -9))  # the second a candidate
+    assert allowed[:, 0].all()
+    assert allowed[thing, 1].mean() > 0.9
+    assert allowed[scene[:5], 1].all()
+    assert allowed[scene[5:], 1].mean() < 0.05
+
+
+def test_what_cannot_be_told(measured):
+    window, (scene, thing), residuals = measured
+    n = len(residuals.nats)
+    columns, shares = np.full(n, -1), np.zeros((n, 2))
+    told = can_be_told(window, residuals, columns, columns, shares)
+    assert_array_equal(told, window.freedom > 0)
+    young = SimpleNamespace(freedom=np.zeros(n))
+    assert not can_be_told(young, residuals, columns, columns, shares).any()
+    shares[3, 1] = 0.5
+    told = can_be_told(young, residuals, columns, columns, shares)
+    assert_array_equal(np.flatnonzero(told), [3])
+    hidden = np.full(n, 7)  # a number that no living motion has
+    only_scene = measured[2].without(1)
+    told = can_be_told(window, only_scene, hidden, columns, shares[:, :1])
+    assert told[scene].mean() > 0.9
+    assert told[thing].mean() < 0.1

@@ -1,0 +1,60 @@
+"""How a stream begins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skmotionseg._core.geometry.windows import FOCAL_LENGTHS
+from skmotionseg._core.stream import starting
+from skmotionseg._core.stream.window import LENGTH, Camera
+
+FOCAL, SIZE = 700.0, np.array([640, 480])
+
+
+@pytest.fixture(scope="module")
+def first_frames():
+    """A camera that turns about a scene: what only translates tells no focal length."""
+    rng = np.random.default_rng(0)
+    world = rng.uniform([-3, -2, -2], [3, 2, 2], size=(120, 3))
+    angles = 0.05 * np.arange(LENGTH)
+    across = world[:, None, 0] * np.cos(angles) - world[:, None, 2] * np.sin(angles)
+    away = world[:, None, 0] * np.sin(angles) + world[:, None, 2] * np.cos(angles) + 6
+    up = np.repeat(world[:, 1:2], LENGTH, axis=1)
+    points = FOCAL * np.stack([across, up], axis=2) / away[..., None] + SIZE / 2
+    points += 0.05 * rng.standard_normal(points.shape)
+    seen = ((points > 0) & (points < SIZE)).all(axis=2)
+    rows = np.flatnonzero(seen.sum(axis=1) >= 4)
+    return np.where(seen[..., None], points, 0), seen, rows, [rows[::2], rows[1::2]]
+
+
+def test_focal_length_is_found_between_those_that_are_tried_first(first_frames):
+    points, seen, rows, groups = first_frames
+    found = starting.calibrate(points, seen, rows, groups)
+    assert abs(np.log(found.camera.unit / FOCAL)) < np.log(1.15)
+    for share in FOCAL_LENGTHS:
+        camera = Camera.around(points[seen], share)
+        other = starting._seen_by(camera, points, seen, rows, groups)
+        assert found.nats <= other.nats
+    assert all(fit is not None for fit in found.fits)
+    assert found.scale >= found.camera.noise
+
+
+def test_steps_are_taken_towards_the_best(first_frames, monkeypatch):
+    points, seen, rows, groups = first_frames
+    sizes = np.ptp(points[seen], axis=0).max()
+
+    def nats(camera, *others):
+        cost = abs(np.log(camera.unit / sizes / 1.3))
+        return starting.Calibration(cost, camera, [], 1.0)
+
+    monkeypatch.setattr(starting, "_seen_by", nats)
+    found = starting.calibrate(points, seen, rows, groups)
+    assert found.camera.unit / sizes == pytest.approx(1.3, rel=0.04)
+
+
+def test_groups_of_few_tracks_tell_no_camera(first_frames):
+    points, seen, rows, groups = first_frames
+    found = starting.calibrate(points, seen, rows, [groups[0][:3]])
+    assert found.nats == np.inf
+    assert found.fits == [None]

@@ -1,0 +1,200 @@
+"""Long videos on the command line: in little memory, and again after a crash."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from itertools import islice
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+from scipy.ndimage import gaussian_filter
+
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._commands import stored_tracks
+from skmotionseg._commands.stored_tracks import StoredClip, StoredTracks, track_into
+from skmotionseg.cli import main
+from skmotionseg.preprocessing import select_long_tracks
+from skmotionseg.video import track_video
+
+cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
+pytestmark = pytest.mark.xdist_group("long video")  # tracked once for all
+
+WIDTH, HEIGHT, N_FRAMES, GRID = 128, 96, 106, 12
+OPTIONS = {"grid_spacing": GRID, "max_error": 1.0, "min_texture": 0.03}
+QUICK = ("--motions", "2", "--models", "affine", "--selection", "ncre", "--jobs", "1")
+COMMAND = "import sys; from skmotionseg.cli import main; sys.exit(main())"
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """A wall that sways, and a thing before it that sways otherwise."""
+    rng = np.random.default_rng(0)
+    wall, thing = (
+        np.uint8(np.clip(128 + 320 * gaussian_filter(rng.normal(size=s), 1.5), 0, 255))
+        for s in ((HEIGHT + 60, WIDTH + 60), (50, 50))
+    )
+    pictures = []
+    for f in range(N_FRAMES):
+        y, x = np.int64(30 + 28 * np.sin([f / 23, f / 17]))
+        shown = wall[y : y + HEIGHT, x : x + WIDTH].copy()
+        y, x = np.int64([23, 39] + 20 * np.cos([f / 13, f / 16]))
+        shown[y : y + 50, x : x + 50] = thing
+        pictures.append(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
+    return pictures
+
+
+@pytest.fixture(scope="module")
+def file(frames, tmp_path_factory):
+    path = tmp_path_factory.mktemp("video") / "long.avi"
+    codec = cv2.VideoWriter_fourcc(*"MJPG")
+    writer = cv2.VideoWriter(str(path), codec, 20.0, (WIDTH, HEIGHT))
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+    return path
+
+
+def segment(file, *options):
+    options = ("--grid", GRID, *QUICK, *options)
+    return [str(option) for option in ("segment", file, *options)]
+
+
+@pytest.fixture(scope="module")
+def table(file, tmp_path_factory):
+    """What the command writes if nothing comes between."""
+    out = tmp_path_factory.mktemp("table") / "labels.csv"
+    assert main(segment(file, "--out", out)) == 0
+    return out.read_bytes()
+
+
+# -------------------------------------------------------------------------- the tracks
+
+
+def stored_in(folder, frames, options=None):
+    stored = StoredTracks(folder, {"file": "arrays"})
+    options = options or {**OPTIONS, "max_side": None}
+    track_into(stored, frames, options, None, lambda done: None)
+    return stored
+
+
+@pytest.mark.parametrize("max_side", [None, 90])
+def test_tracking_goes_on_as_if_nothing_had_been(frames, tmp_path, max_side):
+    frames, options = frames[:50], {**OPTIONS, "max_side": max_side}
+
+    def torn(n_frames):
+        yield from islice(frames, n_frames)
+        raise KeyboardInterrupt
+
+    for n_frames, n_kept in ((7, 0), (45, 40), (41, 40)):
+        with pytest.raises(KeyboardInterrupt):
+            stored_in(tmp_path / "run", torn(n_frames), options)
+        stored = StoredTracks(tmp_path / "run", {"file": "arrays"})
+        assert (stored.n_frames, stored.is_whole) == (n_kept, False)
+    stored = stored_in(tmp_path / "run", frames, options)
+    assert (stored.n_frames, stored.is_whole) == (50, True)
+    assert stored.size == (WIDTH, HEIGHT)
+    whole = track_video(frames, grid_spacing=GRID, max_side=max_side)
+    assert_array_equal(StoredClip(stored, 5).matrix(), whole.tracks)
+    stored_in(tmp_path / "run", iter([]), options)  # which reads no frame
+
+
+def test_windows_of_stored_tracks_are_those_of_the_matrix(frames, tmp_path):
+    from skmotionseg._segmenter.long_clips import LongClip
+
+    stored = stored_in(tmp_path / "run", frames[:64])
+    clip = StoredClip(stored, 10)
+    whole = LongClip(clip.matrix().astype(float), 2)
+    assert clip.width == whole.width
+    assert clip.n_tracks == whole.n_tracks
+    for part, other in zip(clip.parts, whole.parts, strict=True):
+        assert part[:2] == other[:2]
+        assert_array_equal(part.tracks, other.tracks)
+        for mine, its in zip(clip.window(part), whole.window(other), strict=True):
+            assert_array_equal(mine, its)
+
+
+def test_half_of_a_file_is_none(frames, tmp_path, monkeypatch):
+    def half(file, **arrays):
+        file.write(b"half")
+        raise OSError("no space left")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(stored_tracks.np, "savez", half)
+        with pytest.raises(OSError, match="no space left"):
+            stored_in(tmp_path / "run", frames[:25])
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["run.json"]
+
+
+def test_folder_of_something_else_is_refused(tmp_path):
+    (tmp_path / "photo.png").write_bytes(b"")
+    with pytest.raises(ValueError, match="holds no run that could be resumed"):
+        StoredTracks(tmp_path, {})
+    StoredTracks(tmp_path / "run", {"grid": 8})
+    with pytest.raises(ValueError, match="its grid is 8, and this one's 5"):
+        StoredTracks(tmp_path / "run", {"grid": 5})
+
+
+# ------------------------------------------------------------------------- the command
+
+
+@pytest.mark.slow
+def test_labels_are_those_of_the_estimator(file, table, capsys):
+    tracks = track_video(file, grid_spacing=GRID).tracks
+    tracks = tracks[select_long_tracks(tracks, 10)]
+    segmenter = MotionSegmenter(2, models="affine", selection="ncre", random_state=0)
+    labels = segmenter.fit_predict(tracks)
+    rows = np.loadtxt(table.decode().splitlines(), delimiter=",", skiprows=1)
+    assert set(rows[:, 1]) == set(range(N_FRAMES))
+    track, frame = rows[:, :2].astype(int).T
+    points, visibility = unpack_tracks(tracks)
+    assert visibility[track, frame].all() and len(rows) == visibility.sum()
+    assert np.abs(points[track, frame] - rows[:, 2:4]).max() < 1e-3
+    assert_array_equal(rows[:, 4], labels[track])
+    assert len(np.unique(labels[labels >= 0])) == 2
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="needs signals")
+def test_a_killed_run_goes_on(file, table, tmp_path, monkeypatch, capsys):
+    run, out = tmp_path / "run", tmp_path / "labels.csv"
+    arguments = segment(file, "--resume", run, "--out", out)
+    process = subprocess.Popen(
+        [sys.executable, "-c", COMMAND, *arguments],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    for _ in range(30000):
+        if len(list(run.rglob("output.pkl"))) >= 2:
+            break
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.01)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    finished = {path: path.stat().st_mtime_ns for path in run.rglob("output.pkl")}
+    assert 2 <= len(finished) < 5
+    assert not out.exists()
+    monkeypatch.setattr("skmotionseg.video._tracking.PointTracker.step", None)
+    assert main(arguments) == 0
+    assert out.read_bytes() == table
+    assert len(list(run.rglob("output.pkl"))) == 5
+    assert {path: path.stat().st_mtime_ns for path in finished} == finished
+    printed = capsys.readouterr()
+    assert "motions found" in printed.out
+    assert "windows: 5 of 5 done" in printed.err
+    shutil.rmtree(run / "windows")  # the tracks are enough
+    assert main(segment(file, "--resume", run, "--max-frames", 104)) == 2
+    assert "its max-frames is None, and this one's 104" in capsys.readouterr().err
+
+
+def test_track_files_are_not_resumed(tmp_path, capsys):
+    path = tmp_path / "tracks.npz"
+    np.savez(path, X=np.zeros((9, 8)))
+    assert main(["segment", str(path), "--resume", str(tmp_path / "run")]) == 2
+    assert "--resume is for videos" in capsys.readouterr().err
