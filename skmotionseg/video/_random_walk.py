@@ -31,8 +31,9 @@ def edge_weights(picture, strength, floor):
     """
     cv2 = require("cv2", extra="video")
     smooth = cv2.GaussianBlur(picture, (0, 0), 0.8).astype(np.float32)
-    across = np.square(np.diff(smooth, axis=1)).sum(axis=2)
-    down = np.square(np.diff(smooth, axis=0)).sum(axis=2)
+    across, down = np.diff(smooth, axis=1), np.diff(smooth, axis=0)
+    # Much quicker than by sum, as the axis of the colours is short.
+    across, down = (np.einsum("hwc,hwc->hw", d, d) for d in (across, down))
     contrast = across.mean() + down.mean() + 1e-6  # twice the mean square difference
     return (
         strength * (floor + np.exp(-across / contrast)),

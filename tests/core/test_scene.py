@@ -72,6 +72,48 @@ def test_limbs_and_torso_are_one_thing():
     assert set(objects[labels == 0]) == {0}
 
 
+def swung(start, joint, angles):
+    """Tracks (n, n_frames, 2) of what turns about a joint by angles, radians."""
+    from_joint = start - joint
+    turn = np.array(
+        [[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]
+    )
+    return joint + np.einsum("ijf,nj->nfi", turn, from_joint)
+
+
+@pytest.mark.parametrize("period", [8, 14, 30])
+def test_a_leg_that_swings_as_the_torso_goes_is_of_it(period):
+    """The leg's movement on the whole is unlike the torso's, but not at the hip."""
+    frames = np.arange(12)
+    angles = 0.5 * np.sin(2 * np.pi * frames / period)
+    way = np.multiply.outer(frames, [2.0, 0.0])
+    points, visibility, labels = put_together(
+        (0, moved(grid(2, 2, 320, 240, 8), (0, 0))),
+        (1, moved(grid(60, 60, 120, 110, 6), (2, 0))),
+        (2, swung(grid(80, 108, 98, 180, 6), np.array([89, 108]), angles) + way),
+    )
+    objects = moving_objects(points, visibility, labels, 0)
+    assert set(objects[labels > 0]) == {1}
+
+
+@pytest.mark.parametrize("step", [(-2, 0), (0, 2), (5, 0), (0.5, 1.5)])
+def test_tracks_dragged_at_an_edge_are_no_joint(step):
+    """Of two things, each has tracks of the other where they touch."""
+    points, visibility, labels = put_together(
+        (0, moved(grid(2, 2, 320, 240, 8), (0, 0))),
+        (1, moved(grid(120, 60, 170, 120, 6), (2, 0))),
+        (2, moved(grid(120, 122, 170, 180, 6), step)),
+    )
+    middle = points[:, 0, 1]
+    edge = (labels > 0) & (np.abs(middle - 121) < 8) & (np.arange(len(labels)) % 8 == 0)
+    assert edge.any()
+    true = labels.copy()
+    labels[edge] = 3 - labels[edge]
+    objects = moving_objects(points, visibility, labels, 0)
+    first, second = (set(objects[(true == k) & ~edge]) for k in (1, 2))
+    assert len(first) == len(second) == 1 and first != second
+
+
 def test_things_that_touch_but_part_are_two():
     points, visibility, labels = parts_of_a_body(leg_step=(-3, 0))
     objects = moving_objects(points, visibility, labels, 0)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+from typing import NamedTuple
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -21,7 +24,12 @@ TOUCH = 4.0
 # The smaller of two parts that touch has this share of its tracks near the other, and
 # two that go together differ by this share of their own movement at most.
 TOUCH_SHARE, TOGETHER = 0.1, 0.5
-# Fewer rejected tracks that move are no thing.
+# Share of the tracks where two parts touch that are at a joint, if there is one.
+JOINT_SHARE = 0.25
+# Tracks further from the motion of a part than so many times the median are left out:
+# at its edge, some go with what is behind.
+DRAGGED = 2.5
+# Fewer rejected tracks that move are no thing, and fewer tracks tell no affine motion.
 LEAST_TRACKS = 6
 
 
@@ -122,7 +130,7 @@ def moving_objects(points, visibility, labels, background):
     objects = np.where(static, 0, -1)
     if n_parts == 0:
         return objects
-    joined = _joined(points, visibility, parts, n_parts, windows, moved)
+    joined = _joined(points, visibility, parts, n_parts, windows, moved, noise)
     things = np.where(parts >= 0, joined[parts], -1)
     seen = visibility.sum(axis=1)
     sizes = np.bincount(things[things >= 0], seen[things >= 0], joined.max() + 1)
@@ -219,45 +227,116 @@ def _reach(points):
     return TOUCH * float(np.median(KDTree(points).query(points, 2)[0][:, 1]))
 
 
-def _joined(points, visibility, parts, n_parts, windows, moved):
-    """Thing of each part."""
-    touches = np.zeros((n_parts, n_parts))
-    both = np.zeros((n_parts, n_parts))
-    apart = np.zeros((n_parts, n_parts, 2))
-    path = np.zeros((n_parts, n_parts, 2))
+def _joined(points, visibility, parts, n_parts, windows, moved, noise):
+    """Thing of each part: numbers from 0."""
+    sums = _sums(points, visibility, parts, n_parts, windows, moved, noise)
+    length = np.linalg.norm(sums.path, axis=2)
+    apart = np.linalg.norm(sums.apart, axis=2)
+    alike = apart < TOGETHER * np.maximum(length, length.T)
+    # At a joint, limb and body go together even where the limb turns.
+    jointed = (sums.moves > 0) & (sums.together > sums.moves / 2)
+    touch = (sums.both > 0) & (sums.touches >= sums.both / 2)
+    one = touch & (alike | jointed)
+    np.fill_diagonal(one, False)
+    first, second = np.nonzero(one)
+    return _components(first, second, n_parts)
+
+
+class _Sums(NamedTuple):
+    """What pairs of parts do in all windows.
+
+    Attributes
+    ----------
+    both, touches : ndarray of shape (n_parts, n_parts)
+        Windows in which both are seen, and touch.
+    moves, together : ndarray of shape (n_parts, n_parts)
+        Windows in which they touch and one or both move against the scene there, and
+        in which they go together there.
+    apart, path : ndarray of shape (n_parts, n_parts, 2)
+        Sums of the difference of their movements, and of the first one's own against
+        the scene, while both are seen.
+    """
+
+    both: np.ndarray
+    touches: np.ndarray
+    moves: np.ndarray
+    together: np.ndarray
+    apart: np.ndarray
+    path: np.ndarray
+
+
+def _sums(points, visibility, parts, n_parts, windows, moved, noise):
+    flat = np.zeros((4, n_parts, n_parts))
+    sums = _Sums(*flat, *np.zeros((2, n_parts, n_parts, 2)))
     for number, (first, last) in enumerate(windows):
         rows = np.flatnonzero((parts >= 0) & np.isfinite(moved[:, number, 0]))
         if len(rows) == 0:
             continue
         present = np.unique(parts[rows])
         pair = np.ix_(present, present)
-        steps = points[:, last] - points[:, first]
-        own, against = (
-            np.array([np.median(v[rows[parts[rows] == p]], axis=0) for p in present])
-            for v in (steps, moved[:, number])
+        steps, own = points[rows, last] - points[rows, first], moved[rows, number]
+        of = [parts[rows] == part for part in present]
+        middle, against = (
+            np.array([np.median(v[some], axis=0) for some in of]) for v in (steps, own)
         )
+        sums.both[pair] += 1
+        sums.apart[pair] += middle[:, None] - middle[None]
+        sums.path[pair] += against[:, None]
+        strength = np.linalg.norm(own, axis=1) / noise[rows, number]
         reach = _reach(points[visibility[:, first], first])
-        near = _touching(points[rows, first], parts[rows], n_parts, reach)
-        both[pair] += 1
-        touches[pair] += near[pair]
-        apart[pair] += own[:, None] - own[None]
-        path[pair] += against[:, None]
-    length = np.linalg.norm(path, axis=2)
-    together = np.linalg.norm(apart, axis=2) < TOGETHER * np.maximum(length, length.T)
-    one = together & (both > 0) & (touches >= both / 2)
-    np.fill_diagonal(one, False)
-    first, second = np.nonzero(one)
-    return _components(first, second, n_parts)
+        joints = _Joints(points[rows, first], parts[rows], steps, own, strength)
+        for values, found in zip(sums[1:4], joints.of(present, reach), strict=True):
+            values[pair] += found
+    return sums
 
 
-def _touching(points, parts, n_parts, reach):
-    """Which pairs of parts have enough tracks of the smaller one near the other."""
-    near = np.zeros((n_parts, n_parts))
-    sizes = np.bincount(parts, minlength=n_parts)
-    trees = {part: KDTree(points[parts == part]) for part in np.unique(parts)}
-    for part, tree in trees.items():
-        for other in trees:
-            if part != other and sizes[part] <= sizes[other]:
-                distance, _ = trees[other].query(tree.data)
-                near[part, other] = (distance <= reach).mean() >= TOUCH_SHARE
-    return np.maximum(near, near.T)
+class _Joints(NamedTuple):
+    """Tracks of parts in a window: places, parts, movements and their strength."""
+
+    places: np.ndarray
+    parts: np.ndarray
+    steps: np.ndarray
+    own: np.ndarray
+    strength: np.ndarray
+
+    def of(self, present, reach):
+        """Which parts touch, move where they do, and go together: (3, n, n)."""
+        found = np.zeros((3, len(present), len(present)))
+        rows = [np.flatnonzero(self.parts == part) for part in present]
+        trees = [KDTree(self.places[some]) for some in rows]
+        for i, j in combinations(range(len(present)), 2):
+            if len(rows[i]) > len(rows[j]):
+                i, j = j, i
+            distance, nearest = trees[j].query(trees[i].data, 1)
+            near = distance <= reach
+            if near.mean() >= TOUCH_SHARE:
+                answer = 1, *self._together(rows[i][near], rows[j][nearest[near]])
+                found[:, i, j] = found[:, j, i] = answer
+        return found
+
+    def _together(self, first, second):
+        """Whether tracks that touch move, and are at a joint.
+
+        A joint is where the motions of both parts carry the picture to one place.
+        """
+        sides = np.stack([first, second])
+        moves = np.median(self.strength[sides], axis=1).max() > MOVES
+        middle = self.places[sides].mean(axis=0)
+        carried = [self._carry(self.parts[side[0]], middle) for side in sides]
+        apart = np.linalg.norm(carried[0] - carried[1], axis=1)
+        length = np.linalg.norm(self.own[sides], axis=2).max(axis=0)
+        joint = np.quantile(apart, JOINT_SHARE) < TOGETHER * np.median(length)
+        return moves, moves and joint
+
+    def _carry(self, part, places):
+        """Movement (n, 2) at some places by the affine motion of a part."""
+        own = self.parts == part
+        steps, middle = self.steps[own], self.places[own].mean(axis=0)
+        if len(steps) < LEAST_TRACKS:
+            return np.broadcast_to(np.median(steps, axis=0), places.shape)
+        at = np.column_stack([self.places[own] - middle, np.ones(len(steps))])
+        affine = np.linalg.lstsq(at, steps, rcond=None)[0]
+        misses = np.linalg.norm(at @ affine - steps, axis=1)
+        well = misses <= max(NOISE, DRAGGED * np.median(misses))
+        affine = np.linalg.lstsq(at[well], steps[well], rcond=None)[0]
+        return np.column_stack([places - middle, np.ones(len(places))]) @ affine

@@ -134,21 +134,20 @@ def view_of(windows, number, rows, poses):
     # A point (a, b, 1) / c of the reference frame is at M (a, b, c) + r in another.
     M = np.concatenate([rotations[:, :, :2], translations[:, :, None]], axis=2)
     r = rotations[:, :, 2]
-    rays = x[..., None] * M[:, None, 2] - M[:, :2]  # (n, L, 2, 3)
+    rays = [x * M[:, None, 2, k] - M[:, :2, k] for k in range(3)]  # (n, L, 2) each
     left = r[:, :2] - x * r[:, 2:]
+    products = {(i, j): _dot(rays[i], rays[j]) for i in range(3) for j in range(i + 1)}
+    sides = [_dot(ray, left) for ray in rays]  # (n, L) each
     weights = seen.astype(float)
     for _ in range(2):
-        weighted = rays * weights[..., None, None]
-        A = weighted.reshape(len(rows), -1, 3)
-        normal = A.swapaxes(1, 2) @ A
-        damping = 1e-11 * np.trace(normal, axis1=1, axis2=2) + 1e-14
-        normal += damping[:, None, None] * np.eye(3)
-        right = A.swapaxes(1, 2) @ (left * weights[..., None]).reshape(len(rows), -1, 1)
-        points = np.linalg.solve(normal, right)[..., 0]  # (n, 3)
+        points = _weighted_solution(products, sides, weights**2)
         distance = points @ M[:, 2].T + r[:, 2]  # (n, L)
         distance = np.where(np.abs(distance) < 0.05, 0.05, distance)
         weights = seen / distance
-    residuals = ((rays @ points[:, None, :, None])[..., 0] - left) * weights[..., None]
+    residuals = -left
+    for ray, each in zip(rays, points.T, strict=True):
+        residuals += ray * each[:, None, None]
+    residuals *= weights[..., None]
     image = (points @ M[:, :2].reshape(-1, 3).T).reshape(*x.shape) + r[:, :2]
     image = image / distance[..., None]
     moved = (M[:, :2, 2] - image * M[:, 2:, 2]) * weights[..., None]
@@ -157,10 +156,25 @@ def view_of(windows, number, rows, poses):
     )  # the same shift in all frames is no motion
     freedom = windows.freedom[rows, number]
     deviations, shifts = (
-        windows.pixels * np.sqrt((values**2).sum(axis=(1, 2)) / freedom)
+        windows.pixels * np.sqrt(np.einsum("nlk,nlk->n", values, values) / freedom)
         for values in (residuals, moved)
     )
     return View(deviations, points[:, 2], shifts)
+
+
+def _dot(first, second):
+    return first[..., 0] * second[..., 0] + first[..., 1] * second[..., 1]
+
+
+def _weighted_solution(products, sides, weights):
+    """Solutions (n, 3) of normal equations whose observations have weights (n, L)."""
+    normal = np.empty((len(weights), 3, 3))
+    for (i, j), product in products.items():
+        normal[:, i, j] = normal[:, j, i] = np.einsum("nl,nl->n", product, weights)
+    right = np.stack([np.einsum("nl,nl->n", side, weights) for side in sides], axis=1)
+    damping = 1e-11 * np.trace(normal, axis1=1, axis2=2) + 1e-14
+    normal += damping[:, None, None] * np.eye(3)
+    return np.linalg.solve(normal, right[..., None])[..., 0]
 
 
 class _Found(NamedTuple):
@@ -213,6 +227,9 @@ class _Window:
         n_around = min(N_AROUND, len(self.rows) - 1)
         tree = KDTree(self._centres)
         self._around = tree.query(self._centres, n_around + 1)[1][:, 1:]
+        self._links = np.argsort(self._around, axis=None, kind="stable")
+        counts = np.bincount(self._around.ravel(), minlength=len(self.rows))
+        self._first_link = np.append(0, counts.cumsum())
         found = [
             self._scene_from(start)
             for start in self._starts(starts)
@@ -320,12 +337,32 @@ class _Window:
         members = explained & self._margin(2 / 3 * MARGIN)
         n_around, n_agree = self._counts(members, agree)
         members &= (n_around < FEWEST_AROUND) | (2 * n_agree >= n_around)
-        while True:
-            n_around, n_agree = self._counts(members, agree)
-            joined = explained & (n_around >= FEWEST_AROUND) & (2 * n_agree > n_around)
-            if not (joined & ~members).any():
-                return members, noise
-            members = members | joined
+        return self._grown(members, explained, agree), noise
+
+    def _grown(self, members, explained, agree):
+        """Members, and what joins them track by track, most around it agreeing.
+
+        Counts change around those that have just joined, and nowhere else.
+        """
+        members, fresh = members.copy(), np.flatnonzero(members)
+        n, n_here = len(members), self._around.shape[1]
+        n_around, n_agree = np.zeros((2, n), dtype=int)
+        agree = agree.ravel()
+        while len(fresh):
+            links = self._links_to(fresh)
+            n_around += np.bincount(links // n_here, minlength=n)
+            n_agree += np.bincount(links[agree[links]] // n_here, minlength=n)
+            joined = explained & ~members & (n_around >= FEWEST_AROUND)
+            fresh = np.flatnonzero(joined & (2 * n_agree > n_around))
+            members[fresh] = True
+        return members
+
+    def _links_to(self, tracks):
+        """Places in ``around``, ravelled, where it names one of some tracks."""
+        first, last = self._first_link[tracks], self._first_link[tracks + 1]
+        lengths = last - first
+        ahead = np.repeat(first - (lengths.cumsum() - lengths), lengths)
+        return self._links[ahead + np.arange(lengths.sum())]
 
     def _counts(self, members, agree):
         """How many around each track are members, and how many of these agree."""
