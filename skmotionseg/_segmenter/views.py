@@ -154,7 +154,8 @@ def place_by_landmarks(views, points, visibility, landmarks, labels, n_jobs):
     """Labels of the tracks that were not fitted, by a vote of those that were.
 
     The landmarks nearest in place and displacement vote: twenty times cheaper
-    than affinities to them, and on tracks of real videos as good. A track that no two
+    than affinities to them, and on tracks of real videos as good (on dense tracks of
+    KT3DMoSeg, half a point of error worse). A track that no two
     consecutive frames see with a landmark is placed by affinities.
 
     Parameters

@@ -129,3 +129,15 @@ def test_a_track_seen_once_is_placed_nowhere(scene):
     X[7, 2:] = np.nan
     segmenter = MotionSegmenter(3, n_landmarks=300, n_hypotheses=100, random_state=0)
     assert segmenter.fit(X).labels_[7] == -1
+
+
+def test_tracks_seen_in_no_consecutive_frames_are_placed_by_affinities(scene):
+    X, y = scene
+    X = X.copy().reshape(len(X), -1, 2)
+    X[::5, 1::2] = np.nan
+    segmenter = MotionSegmenter(
+        3, n_landmarks=160, n_hypotheses=200, frame_gap=2, random_state=0
+    ).fit(X.reshape(len(X), -1))
+    others = np.setdiff1d(np.arange(0, len(X), 5), segmenter.landmarks_)
+    assert len(others) > 80
+    assert misclassification_error(y[others], segmenter.labels_[others]) < 0.1
