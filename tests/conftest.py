@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from helpers.slow_files import SLOW
 
 from skmotionseg.datasets import make_rigid_motions
 
@@ -17,34 +18,6 @@ with suppress(ImportError):
     # It brings a BLAS of its own, and the limits on native threads are those of the
     # libraries that are there when they are first asked for.
     import cv2  # noqa: F401
-
-
-# Files whose tests take more than a few seconds in all.
-SLOW = {
-    "test_benchmarks",
-    "test_cli",
-    "test_conformance",
-    "test_damaged_files",
-    "test_dask",
-    "test_determinism",
-    "test_edge_numbers",
-    "test_engines",
-    "test_examples",
-    "test_invariances",
-    "test_landmarks",
-    "test_missing_data",
-    "test_outliers",
-    "test_paper",
-    "test_plotting",
-    "test_properties",
-    "test_real_data",
-    "test_report",
-    "test_resources",
-    "test_resume",
-    "test_sweeps",
-    "test_video",
-    "test_writing",
-}
 
 
 def pytest_collection_modifyitems(items):

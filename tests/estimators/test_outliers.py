@@ -25,7 +25,7 @@ def between(value):
 def test_outliers_are_found_with_and_without_the_number_of_motions(outliers, known):
     hit = rejected = rubbish = 0
     for seed in range(2):
-        X, y = make_rigid_motions(300, 20, 3, outliers=outliers, random_state=seed)
+        X, y = make_rigid_motions(200, 10, 3, outliers=outliers, random_state=seed)
         segmenter = MotionSegmenter(
             3 if known else "auto", random_state=seed, **QUICK
         ).fit(X)
@@ -38,19 +38,19 @@ def test_outliers_are_found_with_and_without_the_number_of_motions(outliers, kno
 
 
 def test_clean_tracks_are_kept_and_rejection_can_be_turned_off():
-    X, _ = make_rigid_motions(200, 10, random_state=0)
+    X, _ = make_rigid_motions(200, 6, random_state=0)
     outside = MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0
     assert outside.mean() <= 0.01
-    X, _ = make_rigid_motions(200, 10, outliers=0.1, random_state=0)
-    assert (MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0).any()
-    keep = MotionSegmenter(3, reject_outliers=False, random_state=0, **QUICK)
+    X, _ = make_rigid_motions(100, 5, 2, outliers=0.1, random_state=0)
+    assert (MotionSegmenter(2, random_state=0, **QUICK).fit(X).labels_ < 0).any()
+    keep = MotionSegmenter(2, reject_outliers=False, random_state=0, **QUICK)
     assert (keep.fit(X).labels_ >= 0).all()
 
 
 def test_new_rubbish_is_rejected_and_new_tracks_are_placed():
-    X, y = make_rigid_motions(300, 10, outliers=0.1, random_state=1)
-    fitted = np.arange(300) % 3 > 0
-    segmenter = MotionSegmenter(3, random_state=0, **QUICK).fit(X[fitted])
+    X, y = make_rigid_motions(210, 6, 2, outliers=0.1, random_state=1)
+    fitted = np.arange(210) % 3 > 0
+    segmenter = MotionSegmenter(2, random_state=0, **QUICK).fit(X[fitted])
     labels = segmenter.predict(X[~fitted])
     rubbish = y[~fitted] < 0
     assert (labels[rubbish] < 0).mean() > 0.8
@@ -58,8 +58,8 @@ def test_new_rubbish_is_rejected_and_new_tracks_are_placed():
 
 
 def test_landmarks_reject_as_all_tracks_do():
-    X, y = make_rigid_motions(400, 10, outliers=0.1, random_state=2)
-    segmenter = MotionSegmenter(3, n_landmarks=200, random_state=0, **QUICK).fit(X)
+    X, y = make_rigid_motions(240, 6, outliers=0.1, random_state=2)
+    segmenter = MotionSegmenter(3, n_landmarks=120, random_state=0, **QUICK).fit(X)
     rubbish = y < 0
     assert (segmenter.labels_[rubbish] < 0).mean() > 0.8
     assert misclassification_error(y, segmenter.labels_) < 0.03
@@ -71,14 +71,14 @@ def test_landmarks_reject_as_all_tracks_do():
 
 
 def test_a_motion_that_was_not_found_is_not_rubbish():
-    X, y = make_rigid_motions(240, 10, 2, random_state=0)
+    X, y = make_rigid_motions(160, 6, 2, random_state=0)
     labels = MotionSegmenter(1, random_state=0, **QUICK).fit(X).labels_
     assert (labels[y == 1] >= 0).mean() > 0.9
 
 
 def test_probabilities_are_shares_and_none_for_outliers():
-    X, _ = make_rigid_motions(300, 8, 3, outliers=0.1, random_state=0)
-    segmenter = MotionSegmenter(3, random_state=0, **QUICK).fit(X)
+    X, _ = make_rigid_motions(100, 5, 2, outliers=0.1, random_state=0)
+    segmenter = MotionSegmenter(2, random_state=0, **QUICK).fit(X)
     probabilities = segmenter.probabilities_
     assert ((probabilities >= 0) & (probabilities <= 1)).all()
     assert (segmenter.labels_ < 0).any()

@@ -20,7 +20,7 @@ from skmotionseg import (
 )
 from skmotionseg._core.geometry.tracks import unpack_tracks
 
-N_FRAMES = 4
+N_FRAMES = 3
 
 
 def spread(X):
