@@ -74,10 +74,12 @@ def test_a_grid_over_a_clusterer_of_two_views(make, tracks):
     assert np.isfinite(found.cv_results_["mean_test_score"]).all()
 
 
-def test_the_rows_of_a_fold_are_no_affinities(tracks):
+@pytest.mark.parametrize("n_rows", [7, 6])  # of 24 columns: blocks of no size, of six
+def test_the_rows_of_a_fold_are_no_affinities(n_rows):
     block = np.kron(np.eye(2), np.ones((6, 6)))
+    rows = np.hstack([block, block])[3 : 3 + n_rows]
     with pytest.raises(ValueError, match="cross-validate tracks, with make_motion"):
-        MultiModelSpectralClustering().fit(np.hstack([block, block])[:7])
+        MultiModelSpectralClustering().fit(rows)
 
 
 # ------------------------------------------------------------- the number of hypotheses
