@@ -25,7 +25,7 @@ def between(value):
 def test_outliers_are_found_with_and_without_the_number_of_motions(outliers, known):
     hit = rejected = rubbish = 0
     for seed in range(2):
-        X, y = make_rigid_motions(200, 10, 3, outliers=outliers, random_state=seed)
+        X, y = make_rigid_motions(200, 20, 3, outliers=outliers, random_state=seed)
         segmenter = MotionSegmenter(
             3 if known else "auto", random_state=seed, **QUICK
         ).fit(X)
@@ -58,7 +58,7 @@ def test_new_rubbish_is_rejected_and_new_tracks_are_placed():
 
 
 def test_landmarks_reject_as_all_tracks_do():
-    X, y = make_rigid_motions(240, 6, outliers=0.1, random_state=2)
+    X, y = make_rigid_motions(240, 10, outliers=0.1, random_state=2)
     segmenter = MotionSegmenter(3, n_landmarks=120, random_state=0, **QUICK).fit(X)
     rubbish = y < 0
     assert (segmenter.labels_[rubbish] < 0).mean() > 0.8
@@ -71,7 +71,7 @@ def test_landmarks_reject_as_all_tracks_do():
 
 
 def test_a_motion_that_was_not_found_is_not_rubbish():
-    X, y = make_rigid_motions(160, 6, 2, random_state=0)
+    X, y = make_rigid_motions(240, 10, 2, random_state=0)
     labels = MotionSegmenter(1, random_state=0, **QUICK).fit(X).labels_
     assert (labels[y == 1] >= 0).mean() > 0.9
 
