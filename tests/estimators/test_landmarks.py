@@ -40,13 +40,13 @@ def test_all_tracks_are_fitted_where_that_is_asked_for():
 
 def test_of_a_long_clip_every_so_many_frame_pairs_place_the_others():
     """Of 48 frame pairs, every fourth."""
-    X, y = make_rigid_motions(120, 49, 2, missing=0.1, random_state=0)
+    X, y = make_rigid_motions(160, 49, 2, missing=0.1, random_state=0)
     segmenter = MotionSegmenter(
         2, selection="ncre", n_hypotheses=50, random_state=0
-    ).fit(X[:60])
+    ).fit(X[:80])
     for _, kernel in segmenter.views_.values():
         assert_array_equal(kernel._spread_pairs(PAIRS_TO_PLACE), range(0, 48, 4))
-    assert misclassification_error(y[60:], segmenter.predict(X[60:])) < 0.05
+    assert misclassification_error(y[80:], segmenter.predict(X[80:])) < 0.05
 
 
 @pytest.mark.parametrize("value", [0, -1, 801, 2.5, "all"])

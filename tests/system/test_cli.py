@@ -72,7 +72,7 @@ def run(capsys):
 @pytest.fixture(scope="module")
 def scene():
     """Three motions, and next to no work: (X, y)."""
-    return make_rigid_motions(n_tracks=80, n_frames=5, random_state=0)
+    return make_rigid_motions(n_tracks=120, n_frames=5, random_state=0)
 
 
 @pytest.fixture
@@ -283,7 +283,7 @@ def test_segment_is_told_how_a_file_is_laid_out(run, scene, tmp_path, axes):
         told = ("--image-size", 1280, 720)
     code, printed, errors = run("segment", path, *QUICK, *told)
     assert (code, errors) == (0, "")
-    assert facts(printed)["tracks"] == "80"
+    assert facts(printed)["tracks"] == "120"
     assert facts(printed)["frames"] == "5"
 
 
@@ -541,7 +541,7 @@ ERRORS = {
     "segment {notes}": "track files end in .npz, .npy, .mat or .csv; got 'n",
     "segment {other}": "other.npz is not a track file: .*'points'",
     "segment {broken}": "broken.npz is not a track file",
-    "segment {scene} --motions 999": "999 .* more than the .*140",
+    "segment {scene} --motions 999": "999 .* more than the .*120",
     "segment {scene} --out labels.txt": "end in .npz or .csv; got labels.txt",
     "segment {scene} --render motions.txt": "end in .* got motions.txt",
     "segment {scene} --out nowhere/labels.npz": "nowhere",
