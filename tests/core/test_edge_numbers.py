@@ -308,7 +308,9 @@ def test_motions_are_told_apart_by_any_camera(camera, shapes, selection):
     reason="in simulated and real clips, groups that share no link and gain a little "
     "from being apart are more often two: the log odds cannot tell these from those",
 )
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))]
+)
 def test_two_things_of_the_same_motion_are_one(seed):
     """Two clouds of points that keep apart, and move as one body does."""
     X, _ = make_rigid_motions(

@@ -92,8 +92,8 @@ def test_one_coordinate_of_a_point_is_not_enough_to_see_it(two_motions):
     X, _ = two_motions
     both, one = hide(X, 7, 3), X.copy()
     one[7, 6] = np.nan
-    labels = [MotionSegmenter(2, **SMALL).fit_predict(seen) for seen in (both, one)]
-    assert_array_equal(*labels)
+    segmenter = MotionSegmenter(2, selection="ncre", **SMALL)
+    assert_array_equal(*(segmenter.fit_predict(seen) for seen in (both, one)))
 
 
 # ----------------------------------------------------------- pairs with few tracks
@@ -345,10 +345,8 @@ def test_masked_points_are_unseen():
     X, _ = make_rigid_motions(60, 5, 2, missing=0.2, random_state=0)
     masked = np.ma.masked_invalid(X)
     masked.data[masked.mask] = 7.0  # what is under a mask does not count
-    expected, labels = (
-        MotionSegmenter(2, n_hypotheses=50, random_state=0).fit_predict(tracks)
-        for tracks in (X, masked)
-    )
+    segmenter = MotionSegmenter(2, selection="ncre", n_hypotheses=50, random_state=0)
+    expected, labels = (segmenter.fit_predict(tracks) for tracks in (X, masked))
     assert_array_equal(labels, expected)
 
 
