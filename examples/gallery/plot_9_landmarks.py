@@ -34,7 +34,7 @@ for motion in range(4):
 # How many are necessary? With too few landmarks, the smallest motion has too few of
 # them, and is merged with another.
 
-scenes = [make_rigid_motions(1000, 6, 4, random_state=seed) for seed in range(2)]
+scenes = [make_rigid_motions(2000, 10, 4, random_state=seed) for seed in range(3)]
 numbers = [50, 100, 200]
 errors = np.empty((len(numbers), len(scenes)))
 for i, n_landmarks in enumerate(numbers):
@@ -49,6 +49,6 @@ ax.plot(numbers, 100 * errors, "o", color="0.7")
 ax.plot(numbers, 100 * errors.mean(axis=1), "-", color="black")
 ax.set_xscale("log", base=2)
 ax.set_xticks(numbers, numbers)
-ax.set(xlabel="landmarks, of 1,000 tracks", ylabel="misclassified tracks (%)")
-ax.set_title("two scenes of four motions, their number unknown, and the mean")
+ax.set(xlabel="landmarks, of 2,000 tracks", ylabel="misclassified tracks (%)")
+ax.set_title("three scenes of four motions, their number unknown, and the mean")
 plt.show()
