@@ -64,7 +64,7 @@ def report(X, segmenter):
     for motion in range(segmenter.n_motions_):
         print(f"motion {motion}: {(segmenter.labels_ == motion).sum()} tracks")
     static = static_mask(X, segmenter.labels_)
-    print(f"static points a frame: {static.sum(axis=0).mean():.1f}")
+    print(f"static points per frame: {static.sum(axis=0).mean():.1f}")
 
 
 if __name__ == "__main__":
