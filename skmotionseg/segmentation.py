@@ -40,6 +40,7 @@ from ._segmenter.views import (
     check_models,
     fit_views,
     make_view,
+    place_by_landmarks,
     place_tracks,
     view_seeds,
 )
@@ -563,15 +564,12 @@ estimator, default="description_length"
         n_tracks = len(points)
         if n_tracks == len(self.landmarks_):
             return found.labels.copy(), found.shares
-        labels = np.empty((len(found.labels), n_tracks), dtype=found.labels.dtype)
-        shares = np.empty(n_tracks)
-        labels[:, self.landmarks_] = found.labels
+        labels, votes = place_by_landmarks(
+            self.views_, points, visibility, self.landmarks_, found.labels, self.n_jobs
+        )
+        shares = votes[found.best]
         shares[self.landmarks_] = found.shares
         others = np.setdiff1d(np.arange(n_tracks), self.landmarks_)
-        labels[:, others], votes = place_tracks(
-            self.views_, points[others], visibility[others], found.labels, self.n_jobs
-        )
-        shares[others] = votes[found.best]
         if found.explanation is not None:
             labels[found.best, others] = found.explanation.nearest(
                 points[others], visibility[others], labels[found.best, others]

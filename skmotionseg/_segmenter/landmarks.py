@@ -9,7 +9,7 @@ from .._core.graph.clustering import cluster_graph
 from .._core.graph.fusion import kernel_addition
 from .._core.graph.spectral import ViewGraph
 from .._parallel.tasks import noting
-from .views import fit_views, make_view, place_tracks
+from .views import fit_views, make_view, place_by_landmarks
 
 # A first look: so many tracks, cut by hypotheses this few into so many over-segments.
 FIRST_LANDMARKS = 600
@@ -65,7 +65,9 @@ def choose_landmarks(
             views, points[first], visibility[first], n_jobs, memory
         )
     segments = _over_segment(affinities, rng)
-    placed, _ = place_tracks(fitted, points, visibility, segments[None], n_jobs)
+    placed, _ = place_by_landmarks(
+        fitted, points, visibility, first, segments[None], n_jobs
+    )
     return draw_stratified(placed[0], n_landmarks, rng)
 
 

@@ -9,11 +9,11 @@ import numpy as np
 
 # Landmarks for tracks that are seen in every frame. Where each is seen in fewer, there
 # are more, for as many in a frame, up to the largest number.
-TRACKS_PER_FRAME = 300
-LEAST_LANDMARKS, MOST_LANDMARKS = 600, 1500
+TRACKS_PER_FRAME = 500
+LEAST_LANDMARKS, MOST_LANDMARKS = 1000, 1500
 # So many times the landmarks are still fitted as they are: to choose among them would
 # lose more than it saves.
-WORTH_CHOOSING = 2
+WORTH_CHOOSING = 1.5
 # Tracks placed at a time.
 TRACKS_PER_BATCH = 2048
 # Bytes that an affinity between two tracks takes at the worst moment of a fit, per

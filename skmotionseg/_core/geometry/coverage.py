@@ -21,6 +21,10 @@ TRACKS_PER_BATCH = 8192
 FARTHEST = 0.9
 # Squared distance, in spreads, of tracks that no frame sees together with a landmark.
 NEVER_MET = 100.0
+# Squared distance, in spreads, below which tracks are as good as one.
+LEAST_DISTANCE = 1e-6
+# Which neighbour says how far a track is from others.
+NEIGHBOUR = 3
 
 
 def draw_covering(points, visibility, n_landmarks, random_state):
@@ -81,26 +85,118 @@ def draw_stratified(labels, n_drawn, random_state):
     return np.sort(np.concatenate(drawn))
 
 
+def resemblance(points, visibility, landmarks, tracks):
+    """How alike tracks are to landmarks, by where they are and where they go.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    landmarks : ndarray of int, shape (n_landmarks,)
+    tracks : ndarray of int, shape (m,)
+
+    Yields
+    ------
+    ndarray of shape (n_batch, n_landmarks)
+        Of a batch of the tracks, in order. The inverse of the mean squared distance in
+        place and in displacement over the frames that see both, in units of their
+        spread; 0 where no two consecutive frames see both.
+    """
+    channels = _channels(points, visibility)
+    some = [tuple(each[landmarks] for each in channel) for channel in channels]
+    for start in range(0, len(tracks), TRACKS_PER_BATCH):
+        batch = tracks[start : start + TRACKS_PER_BATCH]
+        new = [tuple(each[batch] for each in channel) for channel in channels]
+        yield 1 / np.maximum(_squared_distances(new, some), LEAST_DISTANCE)
+
+
+class Neighbours:
+    """Tracks, and how far others are from their neighbours among them.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, n_frames, 2)
+    visibility : ndarray of bool, shape (n, n_frames)
+    """
+
+    def __init__(self, points, visibility):
+        self._scaling = _scaling(points, visibility)
+        self._channels = _scaled(points, visibility, self._scaling)
+        squared = _squared_distances(self._channels, self._channels)
+        np.fill_diagonal(squared, np.inf)
+        self._usual, _ = _kth(squared)
+
+    def remoteness(self, points, visibility):
+        """How much farther tracks are from their neighbours than these are from theirs.
+
+        The local outlier factor (Breunig et al. 2000) of the third neighbour, in place
+        and displacement.
+
+        Parameters
+        ----------
+        points : ndarray of shape (m, n_frames, 2)
+            Tracks at no distance from one of the others are taken to be that.
+        visibility : ndarray of bool, shape (m, n_frames)
+
+        Returns
+        -------
+        ndarray of shape (m,)
+            1 for a track as the others are; infinite if no two consecutive frames see
+            it with enough of them.
+        """
+        channels = _scaled(points, visibility, self._scaling)
+        squared = _squared_distances(channels, self._channels)
+        squared[squared < LEAST_DISTANCE] = np.inf
+        distance, neighbour = _kth(squared)
+        usual = np.maximum(self._usual[neighbour], LEAST_DISTANCE)
+        return np.where(np.isfinite(distance), np.sqrt(distance / usual), np.inf)
+
+
+def _kth(squared):
+    """The distance (m,) to the K-th nearest, and which that is."""
+    k = min(NEIGHBOUR, squared.shape[1]) - 1
+    nearest = np.argpartition(squared, k, axis=1)[:, k]
+    return squared[np.arange(len(squared)), nearest], nearest
+
+
 def _channels(points, visibility):
     """Places and displacements in units of their spread, 0 where unseen, and masks.
 
     Each is (n_tracks, n_frames, 2) and (n_tracks, n_frames), float32.
     """
+    scaled = _scaled(points, visibility, _scaling(points, visibility))
+    return [tuple(each.astype(np.float32) for each in channel) for channel in scaled]
+
+
+def _values(points, visibility):
+    """Places and displacements, and where they are seen."""
     moving = visibility[:, 1:] & visibility[:, :-1]
-    channels = []
-    for values, seen in ((points, visibility), (np.diff(points, axis=1), moving)):
+    return (points, visibility), (np.diff(points, axis=1), moving)
+
+
+def _scaling(points, visibility):
+    """Centres per frame and spreads of places and displacements."""
+    scaling = []
+    for values, seen in _values(points, visibility):
         mask = seen[..., None]
         values = np.where(mask, values, 0)
         centre = values.sum(axis=0) / np.maximum(mask.sum(axis=0), 1)
-        values = np.where(mask, values - centre, 0)
-        spread = np.median(np.abs(values[seen])) if seen.any() else 0
-        channels.append(
-            (
-                (values / (spread if spread > 0 else 1)).astype(np.float32),
-                seen.astype(np.float32),
-            )
+        spread = np.median(np.abs((values - centre)[seen])) if seen.any() else 0
+        scaling.append((centre, spread if spread > 0 else 1))
+    return scaling
+
+
+def _scaled(points, visibility, scaling):
+    """Channels of tracks, float64, by the scaling of these or of others."""
+    return [
+        (
+            np.where(seen[..., None], (values - centre) / spread, 0),
+            seen.astype(float),
         )
-    return channels
+        for (values, seen), (centre, spread) in zip(
+            _values(points, visibility), scaling, strict=True
+        )
+    ]
 
 
 def _draw(weights, free, n_new, random_state):
@@ -117,21 +213,25 @@ def _distance_to(channels, landmarks):
     """Mean squared distance of each track to the nearest landmark."""
     n_tracks = len(channels[0][0])
     nearest = np.empty(n_tracks)
+    some = [tuple(each[landmarks] for each in channel) for channel in channels]
     for start in range(0, n_tracks, TRACKS_PER_BATCH):
         batch = slice(start, start + TRACKS_PER_BATCH)
-        total: Any = 0
-        for values, seen in channels:
-            squares, marks = (values**2).sum(axis=2), seen[landmarks].T
-            flat = values.reshape(n_tracks, -1)
-            common = seen[batch] @ marks
-            squared = squares[batch] @ marks + seen[batch] @ squares[landmarks].T
-            squared -= 2 * (flat[batch] @ flat[landmarks].T)
-            total = total + np.where(
-                common > 0, squared / np.maximum(common, 1), np.inf
-            )
-        nearest[batch] = total.min(axis=1)
+        new = [tuple(each[batch] for each in channel) for channel in channels]
+        nearest[batch] = _squared_distances(new, some).min(axis=1)
     met = np.isfinite(nearest)
     if met.any():
         nearest = np.minimum(nearest, np.quantile(nearest[met], FARTHEST))
     nearest[~met] = NEVER_MET
     return np.maximum(nearest, 0)
+
+
+def _squared_distances(some, others):
+    """Mean squared distances (m, n) of channels; infinite where no frames see both."""
+    total: Any = 0
+    for (near, seen_near), (far, seen_far) in zip(some, others, strict=True):
+        common = seen_near @ seen_far.T
+        squared = (near**2).sum(axis=2) @ seen_far.T
+        squared += seen_near @ (far**2).sum(axis=2).T
+        squared -= 2 * np.tensordot(near, far, axes=((1, 2), (1, 2)))
+        total = total + np.where(common > 0, squared / np.maximum(common, 1), np.inf)
+    return total

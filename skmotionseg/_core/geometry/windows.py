@@ -6,6 +6,7 @@ frames tell little more than one, and motions differ more the longer they are wa
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -78,18 +79,44 @@ class Windows:
     """
 
     def __init__(self, points, visibility, focal_length=1.0):
-        self.points, self.visibility = points, visibility
         self.frames = window_frames(visibility)
-        self.seen = np.stack([visibility[:, frames] for frames in self.frames])
-        times_seen = self.seen.sum(axis=2).T
-        enough = times_seen >= FEWEST_SEEN
-        self.freedom = np.where(enough, 2 * times_seen - 3, 0)
         some = points[visibility]
         low, high = (
             (some.min(axis=0), some.max(axis=0)) if len(some) else np.zeros((2, 2))
         )
         self._middle, self._size = (low + high) / 2, float((high - low).max()) or 1.0
+        self._look_at(points, visibility)
         self.set_focal_length(focal_length)
+
+    def of(self, points, visibility):
+        """The same windows and camera with other tracks.
+
+        Parameters
+        ----------
+        points : ndarray of shape (m, n_frames, 2)
+        visibility : ndarray of bool, shape (m, n_frames)
+
+        Returns
+        -------
+        Windows
+        """
+        other = copy(self)
+        other._look_at(points, visibility)
+        other.set_focal_length(self.focal_length)
+        return other
+
+    def motions_again(self, motions):
+        """Motions found with other tracks, with the residuals of these tracks."""
+        poses = [motion.poses for motion in motions]
+        return self._motions([motion.tracks for motion in motions], poses)
+
+    def _look_at(self, points, visibility):
+        """Take tracks."""
+        self.points, self.visibility = points, visibility
+        self.seen = np.stack([visibility[:, frames] for frames in self.frames])
+        times_seen = self.seen.sum(axis=2).T
+        enough = times_seen >= FEWEST_SEEN
+        self.freedom = np.where(enough, 2 * times_seen - 3, 0)
 
     def set_focal_length(self, share):
         """Calibrate coordinates with another focal length."""

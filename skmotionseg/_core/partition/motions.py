@@ -6,7 +6,7 @@ it is when nearly half of the tracks that were given to it are outliers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..geometry.description_length import WorkingFrames, track_medians
 from ..geometry.epipolar import ROBUST_SCALE, cheapest_rank_two, robust_fits
 from ..geometry.motion_models import homogeneous
 from ..labels import groups_of
+from .outliers import RigidOutliers
 
 # Rounds in which the half of the tracks that is explained best is fitted again
 # (Rousseeuw and Van Driessen 2006, concentration steps). From half of a group of which
@@ -188,10 +189,13 @@ class Explanation:
     spare : Motions
         Of over-segments most of whose tracks are inliers of no motion. They are no
         outliers, for they have a motion in common; but it was not worth its number.
+    odd : RigidOutliers or None
+        Of rigid motions over windows, where these were found.
     """
 
     motions: Motions
     spare: Motions
+    odd: RigidOutliers | None = None
 
     def nearest(self, points, visibility, labels):
         """The labels as they are: whom a track moves with, the graph knows better."""
@@ -222,8 +226,10 @@ class Explanation:
             left = left[~inliers(self.spare, distances).any(axis=0)]
         labels = labels.copy()
         labels[left] = -1
+        if self.odd is not None:
+            labels[self.odd.outside(points, visibility)] = -1
         return labels
 
     def reordered(self, order):
         """The same with the motions in another order."""
-        return Explanation(self.motions[order], self.spare)
+        return replace(self, motions=self.motions[order])

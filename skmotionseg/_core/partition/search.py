@@ -19,6 +19,7 @@ from .agglomeration import merge_path
 from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
+from .outliers import RigidOutliers
 from .rigid_search import NATS_OF_LINKS, RigidSearch, rigid_partitions
 from .two_view_partitions import (
     TWO_VIEW_COST_NAMES,
@@ -33,10 +34,6 @@ SPARSITIES = (4.0, 8.0)
 # error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two
 # numbers of 4.
 OVERSEGMENTATION = 8
-# Tracks per over-segment, on average, below which they do not tell outliers: half of
-# them determine a fundamental matrix.
-TRACKS_PER_SEGMENT = 16
-
 # Tracks, and the share of them that some window sees often enough, below which rigid
 # motion over windows is not asked.
 FEWEST_FOR_RIGID = 40
@@ -113,10 +110,6 @@ def search_partitions(
     :mod:`.cost`). Between two images, where most tracks may be mismatches, motions are
     searched for one by one, without the graph (see :mod:`.two_view_search`).
 
-    Outliers would be judged, too, and make the background look badly described. So
-    tracks that are inliers of no over-segment are left out and only get the label of
-    their nearest neighbours.
-
     Parameters
     ----------
     points : ndarray of shape (n_tracks, n_frames, 2)
@@ -149,25 +142,21 @@ def search_partitions(
             return _between_two_images(between, connected, len(points), reject_outliers)
     views = views[:, connected[:, None], connected]
     clip = _Clip(*some, views, sparsities, stratified)
-    judged, segments = np.arange(len(connected)), None
-    if reject_outliers:
-        segments = _fit_over_segments(clip, cluster)
-        judged = _worth_judging(clip, segments, counts)
-    whole, clip = clip, clip if len(judged) == len(connected) else clip[judged]
     found = _by_rigid_motion(clip, counts, cluster)
     if found is None:
         found = _by_frame_pairs(clip, counts, cluster)
     explanation = None
     if reject_outliers:
-        explanation = _explain(clip, found.best[found.chosen][1], segments)
-    return _of_all_tracks(found, whole, judged, connected, len(points), explanation)
+        labels = found.best[found.chosen][1]
+        explanation = _explain(clip, labels, cluster, found.odd)
+    return _of_all_tracks(found, clip, connected, len(points), explanation)
 
 
-def _of_all_tracks(found, whole, judged, connected, n_tracks, explanation):
-    """What was found in the tracks that were judged, for all tracks."""
+def _of_all_tracks(found, clip, connected, n_tracks, explanation):
+    """What was found in the tracks that are connected, for all tracks."""
     best = found.best
-    labels = {count: _spread(whole, judged, best[count][1]) for count in sorted(best)}
-    shares = own_shares(whole.sparse[-1], labels[found.chosen])
+    labels = {count: best[count][1] for count in sorted(best)}
+    shares = own_shares(clip.sparse[-1], labels[found.chosen])
     return PartitionSearch(
         np.array(list(labels)),
         np.array([best[count][0] for count in labels]),
@@ -222,6 +211,8 @@ class _Found(NamedTuple):
         Of the two least different motions of a partition.
     costs : tuple
         Names of the terms of a cost, and their weights.
+    odd : RigidOutliers or None
+        Tells outliers by rigid motions.
     """
 
     best: dict[int, tuple[Cost, np.ndarray]]
@@ -229,6 +220,7 @@ class _Found(NamedTuple):
     gainless: dict[int, tuple[int, int]]
     log_odds: dict[int, float]
     costs: tuple = (COST_NAMES, COST_WEIGHTS)
+    odd: RigidOutliers | None = None
 
 
 def _by_frame_pairs(clip, counts, cluster):
@@ -285,8 +277,10 @@ def _rigid_costs(search, found):
             log_odds[count] = step.log_odds
             if count > found.chosen:
                 gainless[count] = step.pair
-    names = "links to other motions", "nats per track"
-    return _Found(best, found.chosen, gainless, log_odds, (names, (NATS_OF_LINKS, 1.0)))
+    costs = ("links to other motions", "nats per track"), (NATS_OF_LINKS, 1.0)
+    motions = found.steps[found.chosen].motions
+    odd = RigidOutliers.of(search.windows, motions)
+    return _Found(best, found.chosen, gainless, log_odds, costs, odd)
 
 
 def count_probabilities(counts, log_odds):
@@ -344,16 +338,6 @@ class _Clip:
         self.geometry = clip_geometry(points, visibility)
         self.judge = Judge(self.geometry, self.sparse[-1], stratified)
 
-    def __getitem__(self, tracks):
-        views = self.views[:, tracks[:, None], tracks]
-        return _Clip(
-            self.points[tracks],
-            self.visibility[tracks],
-            views,
-            self.sparsities,
-            self.judge.stratified,
-        )
-
     def distances(self, motions):
         """Distances (M, n) of the tracks from motions."""
         return motions.distances(self.points, self.visibility)
@@ -369,15 +353,6 @@ def _fit_over_segments(clip, cluster):
         labels = _cluster(graph, graph.n_leading, clip.affinity, cluster)
     motions = fit_motions(clip.geometry, labels, clip.affinity)
     return motions[usual(motions.noise, labels)]
-
-
-def _worth_judging(clip, segments, counts):
-    """Positions of the inliers of some over-segment; all, if there are too few."""
-    if len(clip.points) < OVERSEGMENTATION * TRACKS_PER_SEGMENT:
-        return np.arange(len(clip.points))
-    kept = np.flatnonzero(inliers(segments, clip.distances(segments)).any(axis=0))
-    enough = len(kept) >= max(counts[-1], len(clip.points) / 2)
-    return kept if enough else np.arange(len(clip.points))
 
 
 def _best_by_count(clip, counts, cluster):
@@ -396,15 +371,6 @@ def _best_by_count(clip, counts, cluster):
     return {int(n): best[n] for n in counts if n in best} or {
         max(best): best[max(best)]
     }
-
-
-def _spread(clip, judged, labels):
-    """Labels of all tracks of a clip, given those of some that were judged."""
-    everything = np.full(len(clip.points), -1)
-    everything[judged] = labels
-    others = np.setdiff1d(np.arange(len(clip.points)), judged)
-    everything[others] = nearest_labels(clip.affinity[np.ix_(others, judged)], labels)
-    return everything
 
 
 def _refine(labels, clip, counts, cluster):
@@ -451,15 +417,16 @@ def _bisect(clip, cluster, group):
     return _cluster(graph, 2, clip.affinity[np.ix_(group, group)], cluster) == 1
 
 
-def _explain(clip, labels, segments):
-    """Motions of a partition, and those of over-segments that it has lost."""
+def _explain(clip, labels, cluster, odd):
+    """Motions of a partition, those of over-segments that it has lost, and oddities."""
+    segments = _fit_over_segments(clip, cluster)
     motions = fit_motions(clip.geometry, labels, clip.affinity)
     lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
     by_segment = clip.distances(segments) / segments.inlier_thresholds[:, None]
     nearest = np.where(np.isnan(by_segment), np.inf, by_segment).argmin(axis=0)
     members = np.bincount(nearest, minlength=len(by_segment))
     spare = 2 * np.bincount(nearest[lost], minlength=len(by_segment)) > members
-    return Explanation(motions, segments[spare])
+    return Explanation(motions, segments[spare], odd)
 
 
 def _choose(best, judge):
