@@ -236,8 +236,8 @@ def measure_sequence(benchmark, sequence, seed, settings):
     Returns
     -------
     list of dict
-        A record per setting. Seconds are those with the number of motions unknown, as if
-        nothing had been computed before.
+        A record per setting. Seconds are those with the number of motions unknown, as
+        if nothing had been computed before.
     """
     X, y = sequence.data, sequence.target
     n_motions = len(np.unique(y[y >= 0]))

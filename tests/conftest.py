@@ -22,8 +22,10 @@ with suppress(ImportError):
 
 def pytest_collection_modifyitems(items):
     """Mark the tests of slow files, and whatever takes minutes."""
+    here = Path(__file__).parent
+    slow = {here / name for name in SLOW}
     for item in items:
-        if item.path.stem in SLOW or item.get_closest_marker("long"):
+        if item.path in slow or item.get_closest_marker("long"):
             item.add_marker("slow")
 
 
