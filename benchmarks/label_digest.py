@@ -23,20 +23,11 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from skmotionseg import MotionSegmenter, make_motion_pipeline
-from skmotionseg.datasets import (
-    load_hopkins12,
-    load_hopkins155,
-    load_kt3dmoseg,
-    load_mtpv62,
-)
 
-LOADERS = {
-    "KT3DMoSeg": load_kt3dmoseg,
-    "MTPV62": load_mtpv62,
-    "Hopkins12": load_hopkins12,
-    "Hopkins155": load_hopkins155,
-}
-THINNING = {"Hopkins155": 4}  # one sequence in so many; else all
+from .sensitivity import LOADERS, THINNING
+
+# In this order: the digest is of all labels one after another.
+DATASETS = ("KT3DMoSeg", "MTPV62", "Hopkins12", "Hopkins155")
 METHODS = {
     "known": lambda n: MotionSegmenter(n, random_state=0),
     "unknown": lambda n: MotionSegmenter(random_state=0),
@@ -62,8 +53,8 @@ def digest_of(name: str, X: np.ndarray, n_motions: int, method: str) -> str:
 def sequences(folder: Path):
     """Yield names, tracks and numbers of motions, then one clip with all its tracks."""
     clips = {}
-    for dataset, load in LOADERS.items():
-        clips[dataset] = load(folder / dataset)[:: THINNING.get(dataset, 1)]
+    for dataset in DATASETS:
+        clips[dataset] = LOADERS[dataset](folder / dataset)[:: THINNING.get(dataset, 1)]
         for clip in clips[dataset]:
             yield f"{dataset}/{clip.name}", clip.data, count_of(clip)
     clip = clips["KT3DMoSeg"][0]

@@ -236,8 +236,8 @@ def measure_sequence(benchmark, sequence, seed, settings):
     Returns
     -------
     list of dict
-        A record a setting. Seconds are those with the number of motions unknown, as if
-        nothing had been computed before.
+        A record per setting. Seconds are those with the number of motions unknown, as
+        if nothing had been computed before.
     """
     X, y = sequence.data, sequence.target
     n_motions = len(np.unique(y[y >= 0]))
@@ -295,7 +295,7 @@ def read_sequences(data, benchmarks, half):
 
 
 def make_sensitivity(sequences, settings, seeds, n_jobs=None):
-    """A row a setting: means over sequences and seeds, by benchmark.
+    """A row per setting: means over sequences and seeds, by benchmark.
 
     Parameters
     ----------

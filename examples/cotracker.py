@@ -51,7 +51,7 @@ def main(argv=None):
 
 def write_scene(path):
     """A file as of CoTracker: numbers where a point is not seen, too."""
-    X, _ = make_rigid_motions(200, 12, 3, random_state=0)
+    X, _ = make_rigid_motions(120, 8, 3, random_state=0)
     points, visibility = unpack_tracks(X)
     pred_tracks = np.nan_to_num(points).swapaxes(0, 1)[None].astype(np.float32)
     np.savez(path, pred_tracks=pred_tracks, pred_visibility=visibility.T[None])
@@ -64,7 +64,7 @@ def report(X, segmenter):
     for motion in range(segmenter.n_motions_):
         print(f"motion {motion}: {(segmenter.labels_ == motion).sum()} tracks")
     static = static_mask(X, segmenter.labels_)
-    print(f"static points a frame: {static.sum(axis=0).mean():.1f}")
+    print(f"static points per frame: {static.sum(axis=0).mean():.1f}")
 
 
 if __name__ == "__main__":

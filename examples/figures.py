@@ -71,6 +71,7 @@ def main(argv=None):
 def read_sequences(arguments):
     """Lists of names, tracks and true labels."""
     n_clips = 2 if arguments.quick else arguments.clips
+    size = (80, 5) if arguments.quick else (160, 8)
     if arguments.data is not None:
         clips = load_kt3dmoseg(arguments.data / "KT3DMoSeg")
         clips.sort(key=lambda clip: clip.name != arguments.sequence)
@@ -80,7 +81,7 @@ def read_sequences(arguments):
             (
                 f"scene {seed}",
                 *make_rigid_motions(
-                    160, 8, 2 + seed % 3, missing=0.3, noise=1.0, random_state=seed
+                    *size, 2 + seed % 3, missing=0.3, noise=1.0, random_state=seed
                 ),
             )
             for seed in range(n_clips or 6)

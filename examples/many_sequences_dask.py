@@ -63,7 +63,7 @@ def read_sequences(arguments):
         sequences = [
             (
                 f"scene {seed}",
-                *make_rigid_motions(150, 10, 2 + seed % 3, random_state=seed),
+                *make_rigid_motions(80, 6, 2 + seed % 3, random_state=seed),
             )
             for seed in range(arguments.scenes)
         ]

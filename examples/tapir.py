@@ -55,7 +55,7 @@ def main(argv=None):
 
 def write_scene(path):
     """A file as of TAPIR: logits, and numbers where a point is not seen, too."""
-    X, _ = make_rigid_motions(200, 12, 3, random_state=0)
+    X, _ = make_rigid_motions(120, 8, 3, random_state=0)
     points, visibility = unpack_tracks(X)
     logits = np.where(visibility, -4.0, 4.0)[None].astype(np.float32)
     np.savez(

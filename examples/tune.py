@@ -170,7 +170,7 @@ def rows_of(search):
             **{short(k): text(v) for k, v in results["params"][i].items()},
             "error (%)": f"{100 * (1 - results['mean_test_score'][i]):.2f}",
             "std over folds": f"{100 * results['std_test_score'][i]:.2f}",
-            "seconds a fold": f"{results['mean_score_time'][i]:.2f}",
+            "seconds per fold": f"{results['mean_score_time'][i]:.2f}",
         }
         for i in order
     ]

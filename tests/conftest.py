@@ -9,6 +9,7 @@ from pathlib import Path
 
 import matplotlib
 import pytest
+from helpers.slow_files import SLOW
 
 from skmotionseg.datasets import make_rigid_motions
 
@@ -19,38 +20,12 @@ with suppress(ImportError):
     import cv2  # noqa: F401
 
 
-# Files whose tests take more than a few seconds in all.
-SLOW = {
-    "test_benchmarks",
-    "test_cli",
-    "test_conformance",
-    "test_damaged_files",
-    "test_dask",
-    "test_determinism",
-    "test_edge_numbers",
-    "test_engines",
-    "test_examples",
-    "test_invariances",
-    "test_landmarks",
-    "test_missing_data",
-    "test_outliers",
-    "test_paper",
-    "test_plotting",
-    "test_properties",
-    "test_real_data",
-    "test_report",
-    "test_resources",
-    "test_resume",
-    "test_sweeps",
-    "test_video",
-    "test_writing",
-}
-
-
 def pytest_collection_modifyitems(items):
     """Mark the tests of slow files, and whatever takes minutes."""
+    here = Path(__file__).parent
+    slow = {here / name for name in SLOW}
     for item in items:
-        if item.path.stem in SLOW or item.get_closest_marker("long"):
+        if item.path in slow or item.get_closest_marker("long"):
             item.add_marker("slow")
 
 

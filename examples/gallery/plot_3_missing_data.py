@@ -15,10 +15,10 @@ from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
 shares = [0, 0.2, 0.4, 0.6, 0.7]
-errors = np.empty((len(shares), 4))
+errors = np.empty((len(shares), 2))
 for i, missing in enumerate(shares):
     for seed in range(errors.shape[1]):
-        X, y = make_rigid_motions(200, 12, 3, missing=missing, random_state=10 + seed)
+        X, y = make_rigid_motions(120, 12, 3, missing=missing, random_state=10 + seed)
         labels = MotionSegmenter(3, random_state=0).fit_predict(X)
         errors[i, seed] = misclassification_error(y, labels)
 
@@ -41,5 +41,5 @@ right.plot(np.multiply(shares, 100), errors.mean(axis=1) * 100, "-", color="blac
 right.set(
     xlabel="missing entries (%)", ylabel="misclassified tracks (%)", ylim=(-1, 50)
 )
-right.set_title("four scenes each, and their mean")
+right.set_title("two scenes each, and their mean")
 plt.show()

@@ -35,7 +35,7 @@ for motion in range(4):
 # them, and is merged with another.
 
 scenes = [make_rigid_motions(2000, 10, 4, random_state=seed) for seed in range(3)]
-numbers = [50, 100, 200, 400]
+numbers = [50, 100, 200]
 errors = np.empty((len(numbers), len(scenes)))
 for i, n_landmarks in enumerate(numbers):
     for j, (X, y) in enumerate(scenes):

@@ -14,6 +14,12 @@ from .._core.geometry.motion_models import MOTION_MODELS, MotionModel
 from .._core.geometry.tracks import unpack_tracks
 from .._core.graph.fusion import FUSIONS
 
+# Where stacked affinities are not square or not symmetric, this is the usual cause.
+OF_A_FOLD = (
+    "the rows of a fold are no stacked affinities: cross-validate tracks, with "
+    "make_motion_pipeline, or use one split of all rows"
+)
+
 
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
@@ -174,9 +180,7 @@ def read_affinities(estimator, X):
     if width % n:
         raise ValueError(
             "stacked affinities need shape (n, n_views * n), square blocks side by "
-            f"side; got {X.shape} (the rows of a fold are no stacked affinities: "
-            "cross-validate tracks, with make_motion_pipeline, or use one split of all "
-            "rows)"
+            f"side; got {X.shape} ({OF_A_FOLD})"
         )
     views = np.ascontiguousarray(X.reshape(n, -1, n).swapaxes(0, 1))
     for v, view in enumerate(views):
@@ -184,7 +188,7 @@ def read_affinities(estimator, X):
         if asymmetry > 1e-5 * view.max():
             raise ValueError(
                 f"affinities need to be symmetric; entries of view {v} differ from "
-                f"their transposes by up to {asymmetry:.3g}"
+                f"their transposes by up to {asymmetry:.3g} ({OF_A_FOLD})"
             )
     return views
 

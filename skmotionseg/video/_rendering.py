@@ -81,7 +81,7 @@ def render_segmentation(
     ------
     FileNotFoundError, TypeError, ValueError
         If the source is not as described or has fewer frames than the tracks, these
-        have none, there is not a label a track, ``fps`` is no positive number, or
+        have none, there is not one label per track, ``fps`` is no positive number, or
         ``out`` has another ending or no folder.
     OSError
         If the video cannot be written.

@@ -38,3 +38,13 @@ def test_halves_of_a_motion_are_explained_jointly(windows):
     fits = first.fit(halves)
     _, saved = joint_motion(first, first.camera.noise, fits, halves)
     assert saved < 0
+
+
+def test_a_motion_is_apart_from_others_and_not_from_itself(windows):
+    (first, _), groups = windows
+    fits = first.fit(groups)
+    residuals = measure(first, [*fits, fits[0]], first.camera.noise)
+    itself, other, same = apartness(first, residuals, 0, groups[0])
+    assert itself == np.inf
+    assert other > 1
+    assert same == 0

@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from helpers.windows import two_windows
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.optimize import least_squares
 
+from skmotionseg._core.geometry.windows import LEAST_NOISE, REFERENCE_WIDTH
 from skmotionseg._core.stream.assignment import measure
+from skmotionseg._core.stream.window import Camera, Window
 
 
 @pytest.fixture(scope="module")
@@ -44,3 +48,50 @@ def test_residuals_of_few_tracks_are_corrected_the_most(windows):
     few, some = (first.inflation(groups[0][:n], fit) for n in (5, 20))
     assert few > 3 > some > 1
     assert first.inflation(groups[0][:1], fit) < np.inf
+
+
+def test_a_camera_looks_at_the_middle_of_what_it_sees():
+    camera = Camera.around(np.array([[0.0, 10], [640, 50], [320, 300]]), 0.5)
+    assert_allclose(camera.middle, [320, 155])
+    assert camera.unit == 320
+    assert camera.noise * camera.unit == pytest.approx(
+        LEAST_NOISE * 640 / REFERENCE_WIDTH
+    )
+    assert Camera.around(np.ones((3, 2)), 0.5).unit == 0.5  # a single spot
+
+
+def least_square(x, seen, poses):
+    """Least sum of squares of one track over its ray and inverse depth."""
+
+    def residuals(parameters):
+        ray = np.append(parameters[:2], 1)
+        moved = poses.rotations[seen] @ ray + parameters[2] * poses.translations[seen]
+        return (moved[:, :2] / moved[:, 2:] - x[seen]).ravel()
+
+    start = np.append(x[seen].mean(axis=0), 0.1)
+    return 2 * least_squares(residuals, start, xtol=1e-12, ftol=1e-12).cost
+
+
+def test_squares_are_the_least_over_rays_and_depths(windows):
+    (first, _), groups = windows
+    fits = first.fit(groups)
+    rows = np.concatenate([group[:3] for group in groups])
+    squares, freedom = first.squares(fits, rows)
+    assert np.isfinite(squares).any()
+    for row, found, free in zip(rows, squares, freedom, strict=True):
+        for fit, square, n_free in zip(fits, found, free, strict=True):
+            seen = first.seen[row] & fit.valid
+            if seen.sum() < 3:
+                assert np.isnan(square)
+                assert n_free == 0
+                continue
+            assert n_free == 2 * seen.sum() - 3
+            expected = least_square(first.x[row], seen, fit.poses)
+            assert_allclose(square, expected, rtol=0.02, atol=1e-9)
+
+
+def test_tracks_that_are_seen_twice_are_not_judged():
+    seen = np.arange(4) < np.array([[2], [3], [4]])
+    window = Window(np.ones((3, 4, 2)), seen, Camera(np.zeros(2), 1.0, 1e-3))
+    assert_array_equal(window.freedom, [0, 3, 5])
+    assert (window.x[~seen] == 0).all()

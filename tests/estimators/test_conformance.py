@@ -94,9 +94,13 @@ CASES = {
     "EigengapModelSelector": (OneViewEigengap(max_clusters=3), NOT_AFFINITIES),
     "SelfTuningModelSelector": (OneViewSelfTuning(max_clusters=3), NOT_AFFINITIES),
     "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
-    "MotionSegmenter, any matrix": (AnySegmenter(3, **ENOUGH), set()),
+    # Of the two rules, the default one with the steps of a known number among its own.
+    "MotionSegmenter, by NCRE, any matrix": (
+        AnySegmenter(3, selection="ncre", **ENOUGH),
+        set(),
+    ),
     "MotionSegmenter, affine, count unknown, any matrix": (
-        AnySegmenter(models=("affine",), max_motions=5, **ENOUGH),
+        AnySegmenter(models=("affine",), max_motions=4, **ENOUGH),
         set(),
     ),
     "PerSequence": (PerSequence(MotionSegmenter(2, **SMALL)), NOT_SEQUENCES),

@@ -19,7 +19,7 @@ from skmotionseg import (
     SelfTuningModelSelector,
 )
 
-N_FRAMES = 4
+N_FRAMES = 3
 
 
 def spread(X):

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from sklearn.utils import Bunch
 from threadpoolctl import threadpool_limits
 
 from benchmarks import (
@@ -25,6 +26,7 @@ from benchmarks.__main__ import main, sections_of_speed
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry import description_length, epipolar
 from skmotionseg._core.partition import cost
+from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
 TINY = {
@@ -243,8 +245,11 @@ def _settings():
 
 
 def test_other_processes_see_the_value_too():
-    clips = [scenes.clip_like(120, 8, random_state=seed) for seed in range(2)]
-    sequences = [("KT3DMoSeg", clip) for clip in clips]
+    sequences = []
+    for seed in range(2):
+        X, y = make_rigid_motions(60, 5, 2, random_state=seed)
+        clip = Bunch(data=X, target=y, name=f"scene {seed}")
+        sequences.append(("KT3DMoSeg", clip))
     settings = _settings()[:2]
     rows = sensitivity.make_sensitivity(sequences, settings, seeds=1, n_jobs=2)
     right = {row["row"]: row["KT3DMoSeg"]["count_right"] for row in rows}

@@ -53,8 +53,8 @@ def assert_same(first, second):
 
 
 def fit_half(X):
-    segmenter = MotionSegmenter(max_motions=4, **SMALL).fit(X[::2])
-    return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2])
+    segmenter = MotionSegmenter(max_motions=3, **SMALL).fit(X[::2, :8])
+    return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2, :8])
 
 
 @pytest.fixture(scope="module")
@@ -168,7 +168,7 @@ def test_the_seed_of_a_model_does_not_depend_on_which_others_there_are(scene):
 
 
 def test_a_pickle_brings_models_along(scene, tmp_path):
-    X, _ = scene
+    X = scene[0][::2, :8]
     segmenter = MotionSegmenter(3, models=MODELS, **SMALL).fit(X)
     restored = pickle.loads(pickle.dumps(segmenter))
     assert restored.models[0] == SHIFT

@@ -166,10 +166,10 @@ def written(tmp_path_factory):
 @pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
 def test_files_of_trackers_are_segmented(tracker, written):
     printed = written[0][tracker]
-    assert "200 tracks in 12 frames" in printed
+    assert "120 tracks in 8 frames" in printed
     sizes = [int(n) for n in re.findall(r"^motion \d: (\d+) tracks$", printed, re.M)]
     assert len(sizes) == 3
-    assert sum(sizes) == 200
+    assert sum(sizes) == 120
     assert sizes == sorted(sizes, reverse=True)
 
 
@@ -200,7 +200,7 @@ def test_many_sequences_are_segmented_on_a_cluster():
     _, header, *rows = printed[printed.index("\n\n") :].split("\n")[1:6]
     assert header.split() == ["tracks", "motions", "found", "error"]
     for seed, row in enumerate(rows):
-        X, y = make_rigid_motions(150, 10, 2 + seed % 3, random_state=seed)
+        X, y = make_rigid_motions(80, 6, 2 + seed % 3, random_state=seed)
         labels = MotionSegmenter(random_state=0).fit_predict(X)
         error = f"{misclassification_error(y, labels):.1%}"
         counts = [str(len(X)), str(y.max() + 1), str(labels.max() + 1)]

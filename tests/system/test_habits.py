@@ -10,11 +10,18 @@ from pathlib import Path
 
 import pytest
 from helpers.public_names import CLASSES, METHODS, NAMES
+from helpers.slow_files import SLOW
 
 import skmotionseg
 
 PACKAGE = Path(skmotionseg.__file__).parent
-FILES = sorted(PACKAGE.rglob("*.py"))
+ROOT = PACKAGE.parent
+TESTS = ROOT / "tests"
+FILES = sorted(
+    path
+    for folder in (PACKAGE, ROOT / "benchmarks", ROOT / "examples", TESTS)
+    for path in folder.rglob("*.py")
+)
 MOST_LINES = 40
 NO_CODE = {
     tokenize.COMMENT,
@@ -58,7 +65,7 @@ def lines_of_code(function, code):
 
 
 @pytest.mark.parametrize(
-    "path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)).replace("/", ".")
+    "path", FILES, ids=lambda path: str(path.relative_to(ROOT)).replace("/", ".")
 )
 def test_functions_are_short(path):
     source = path.read_text()
@@ -69,10 +76,47 @@ def test_functions_are_short(path):
     long = {
         node.name: lines_of_code(node, code)
         for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.FunctionDef)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
-    most = 44 if path.name.startswith("video") else MOST_LINES  # one there is longer
-    assert {name: n for name, n in long.items() if n > most} == {}
+    assert {name: n for name, n in long.items() if n > MOST_LINES} == {}
+
+
+# -------------------------------------------------------------------- files of tests
+
+
+@pytest.mark.parametrize("name", SLOW)
+def test_files_that_are_slow_are_there(name):
+    assert (TESTS / name).is_file()
+
+
+MODULES = {
+    path.stem: path
+    for path in (PACKAGE / "_core").rglob("*.py")
+    if path.stem != "__init__"
+}
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_modules_of_the_core_have_a_test_file_of_their_name(name):
+    path = TESTS / "core" / f"test_{name}.py"
+    module = MODULES[name].relative_to(ROOT).with_suffix("").as_posix()
+    assert imports_from(path, module.replace("/", "."))
+
+
+def imports_from(path, module):
+    """Whether a file imports a module, or something from it."""
+    parent, _, name = module.rpartition(".")
+    return any(
+        isinstance(node, ast.ImportFrom)
+        and (
+            node.module == module
+            or (node.module == parent and name in {a.name for a in node.names})
+        )
+        for node in ast.walk(ast.parse(path.read_text()))
+    )
+
+
+# -------------------------------------------------------------- signatures, docstrings
 
 
 CALLABLES = {

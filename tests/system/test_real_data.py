@@ -12,7 +12,7 @@ from skmotionseg.metrics import misclassification_error
 
 pytestmark = pytest.mark.xdist_group("real data")  # fitted once for all
 
-CLIPS = ("Seq005_Clip01", "Seq011_Clip01", "Seq113_Clip01")
+CLIPS = ("Seq005_Clip01", "Seq113_Clip01")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def of_known_count():
 
 
 def test_motions_of_a_driving_camera_are_found(clips):
-    for clip in (clips[0], clips[2]):
+    for clip in clips:
         segmenter = MotionSegmenter(random_state=0).fit(clip.data)
         assert segmenter.n_motions_ == len(np.unique(clip.target))
         assert misclassification_error(clip.target, segmenter.labels_) < 0.02

@@ -121,7 +121,8 @@ try:
 except ImportError:
     pass
 else:
-    run("segment", "frames", "--motions", "2", "--render", "motions.mp4")
+    options = ("--motions", "2", "--grid", "12", "--render", "motions.mp4")
+    run("segment", "frames", *options)
 import socket
 try:
     socket.create_connection(("127.0.0.1", 9), timeout=1)
