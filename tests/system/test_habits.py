@@ -84,7 +84,7 @@ def test_functions_are_short(path):
 # -------------------------------------------------------------------- files of tests
 
 
-@pytest.mark.parametrize("name", SLOW)
+@pytest.mark.parametrize("name", sorted(SLOW))
 def test_files_that_are_slow_are_there(name):
     assert (TESTS / name).is_file()
 
@@ -96,7 +96,7 @@ MODULES = {
 }
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", sorted(MODULES))
 def test_modules_of_the_core_have_a_test_file_of_their_name(name):
     path = TESTS / "core" / f"test_{name}.py"
     module = MODULES[name].relative_to(ROOT).with_suffix("").as_posix()
