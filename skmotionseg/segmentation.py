@@ -382,7 +382,10 @@ estimator, default="description_length"
             clip = LongClip(tracks, self.frame_gap + 1)
             if clip.n_frames > LONG_CLIP:
                 return self._fit_in_windows(clip, tracks)
-        points, visibility = unpack_tracks(tracks)
+        return self._fit_whole(*unpack_tracks(tracks), models)
+
+    def _fit_whole(self, points, visibility, models):
+        """Fit landmarks of all frames at once, and place the other tracks."""
         # A frame that sees nothing must not part its neighbours.
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
         points, visibility = points[:, self._frames], visibility[:, self._frames]

@@ -140,19 +140,7 @@ def _segment(arguments):
         segment_live(arguments)
         return
     video = is_video(arguments.file)
-    check_output(arguments.out, LABEL_ENDINGS)
-    check_folder_of(arguments.split_dir)
-    check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
-    check_output(arguments.report, PICTURES)
-    check_mask_options(arguments, video)
-    check_method_options(arguments, video)
-    check_folder_of(arguments.resume)
-    if arguments.resume is not None and not video:
-        raise ValueError(
-            f"--resume is for videos; {arguments.file} is a file of tracks"
-        )
-    if arguments.confidence and arguments.out is None:
-        raise ValueError("--confidence is written with the labels: say --out FILE")
+    _check_options(arguments, video)
     console = require("rich.console", extra="cli").Console()
     progress = progress_console()
     segmenter = MotionSegmenter(**method_parameters(arguments))
@@ -181,6 +169,23 @@ def _segment(arguments):
             arguments.split_dir, sequence.data, labels, track_ids=sequence.track_ids
         )
         console.print(f"motions: {len(files)} files in {arguments.split_dir}")
+
+
+def _check_options(arguments, video):
+    """Refuse options that do not go together, and files that cannot be written."""
+    check_output(arguments.out, LABEL_ENDINGS)
+    check_folder_of(arguments.split_dir)
+    check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
+    check_output(arguments.report, PICTURES)
+    check_mask_options(arguments, video)
+    check_method_options(arguments, video)
+    check_folder_of(arguments.resume)
+    if arguments.resume is not None and not video:
+        raise ValueError(
+            f"--resume is for videos; {arguments.file} is a file of tracks"
+        )
+    if arguments.confidence and arguments.out is None:
+        raise ValueError("--confidence is written with the labels: say --out FILE")
 
 
 def _check_length(arguments, n_frames):

@@ -10,10 +10,10 @@ from skmotionseg._segmenter.memory import number_of_landmarks
 
 
 def test_frames_that_see_nothing_do_not_change_how_many_are_fitted():
-    seen = np.random.default_rng(0).uniform(size=(4000, 10)) < 0.3
+    seen = np.random.default_rng(0).uniform(size=(4000, 10)) < 0.4
     longer = np.pad(seen, [(0, 0), (3, 5)])
     enough = number_of_landmarks("auto", seen, 3)
-    assert 600 < enough < 1500
+    assert 1000 < enough < 1500
     assert number_of_landmarks("auto", longer, 3) == enough
 
 
@@ -23,11 +23,11 @@ def test_frames_that_see_nothing_do_not_change_how_many_are_fitted():
 @pytest.mark.parametrize(
     ("n_tracks", "seen", "expected"),
     [
-        (1200, 20, 1200),
-        (1201, 20, 600),
-        (50_000, 20, 600),
-        (3000, 1, 3000),
-        (3001, 1, 1500),
+        (1500, 20, 1500),
+        (1501, 20, 1000),
+        (50_000, 20, 1000),
+        (2250, 1, 2250),
+        (2251, 1, 1500),
     ],
 )
 def test_few_tracks_are_all_fitted_and_many_by_landmarks(n_tracks, seen, expected):
