@@ -13,6 +13,7 @@ from sklearn.utils import check_random_state
 from .._segmenter.long_clips import LONG_CLIP, segment_in_windows
 from .._utils.writing import replacing
 from .._version import __version__
+from ..video._tracking import MAX_ERROR, MIN_TEXTURE
 from .console import facts_table, reporting
 from .stored_tracks import StoredTracks, track_into
 
@@ -28,8 +29,6 @@ WHOLE = (
 )
 # Folder of what windows have given, within that of a run.
 WINDOWS = "windows"
-# As of video.track_video.
-MAX_ERROR, MIN_TEXTURE = 1.0, 0.03
 
 
 def goes_in_blocks(arguments, frames):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from sklearn.base import clone
+from sklearn.utils import gen_batches
 
 from .._core.geometry.tracks import non_empty_frames, pack_tracks, unpack_tracks
 from .._core.labels import canonical_labels
@@ -96,7 +97,7 @@ def points_in_batches(X, frames):
 
 
 def _batches(X):
-    return (X[start : start + BATCH] for start in range(0, len(X), BATCH))
+    return (X[batch] for batch in gen_batches(len(X), BATCH))
 
 
 def _columns(frames):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._utils.optional import require
+from ._evidence import squared_length
 
 # Steps of conjugate gradients at most, and the residual, relative to that of zero, at
 # which they stop: from the last frame's solution, a dozen suffice.
@@ -31,9 +32,7 @@ def edge_weights(picture, strength, floor):
     """
     cv2 = require("cv2", extra="video")
     smooth = cv2.GaussianBlur(picture, (0, 0), 0.8).astype(np.float32)
-    across, down = np.diff(smooth, axis=1), np.diff(smooth, axis=0)
-    # Much quicker than by sum, as the axis of the colours is short.
-    across, down = (np.einsum("hwc,hwc->hw", d, d) for d in (across, down))
+    across, down = (squared_length(np.diff(smooth, axis=axis)) for axis in (1, 0))
     contrast = across.mean() + down.mean() + 1e-6  # twice the mean square difference
     return (
         strength * (floor + np.exp(-across / contrast)),

@@ -34,6 +34,9 @@ N_CELLS = 4800
 SMALLEST_SPACING, LARGEST_SPACING = 5, 8
 # Share of the cells that may be added where things move.
 EXTRA_CELLS = 0.25
+# By default, pixels that a point may miss on the way back, and the least texture of a
+# new one, as a share of the mean.
+MAX_ERROR, MIN_TEXTURE = 1.0, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,9 +99,9 @@ def track_video(
     source: Source,
     *,
     grid_spacing: int | None = None,
-    max_error: float = 1.0,
+    max_error: float = MAX_ERROR,
     min_length: int = 5,
-    min_texture: float = 0.03,
+    min_texture: float = MIN_TEXTURE,
     max_frames: int | None = None,
     max_side: int | None = None,
     progress: Progress | None = None,
@@ -207,8 +210,8 @@ def follow_points(
     source: Source,
     *,
     grid_spacing: int | None = None,
-    max_error: float = 1.0,
-    min_texture: float = 0.03,
+    max_error: float = MAX_ERROR,
+    min_texture: float = MIN_TEXTURE,
     max_frames: int | None = None,
     max_side: int | None = None,
 ) -> Iterator[TrackedFrame]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.pictures import plaster, write_video
 from numpy.testing import assert_array_equal
-from scipy.ndimage import gaussian_filter
 
 from skmotionseg import unpack_tracks
 from skmotionseg._commands import live
@@ -21,10 +21,8 @@ WIDTH, HEIGHT, N_FRAMES = 240, 180, 16
 def frames():
     """A wall that goes by, and a thing before it that goes the other way."""
     rng = np.random.default_rng(0)
-    wall, thing = (
-        np.uint8(np.clip(128 + 320 * gaussian_filter(rng.normal(size=s), 1.5), 0, 255))
-        for s in ((HEIGHT + 60, WIDTH + 60), (80, 90))
-    )
+    shapes = (HEIGHT + 60, WIDTH + 60), (80, 90)
+    wall, thing = (plaster(rng, shape) for shape in shapes)
     pictures = []
     for f in range(N_FRAMES):
         shown = wall[f : f + HEIGHT, 2 * f : 2 * f + WIDTH].copy()
@@ -36,12 +34,7 @@ def frames():
 @pytest.fixture(scope="module")
 def file(frames, tmp_path_factory):
     path = tmp_path_factory.mktemp("video") / "camera.avi"
-    codec = cv2.VideoWriter_fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), codec, 20.0, (WIDTH, HEIGHT))
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
+    return write_video(path, frames, "MJPG", 20.0)
 
 
 def test_points_are_those_of_the_whole_video(frames):

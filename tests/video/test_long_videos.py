@@ -12,8 +12,8 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from helpers.pictures import plaster, write_video
 from numpy.testing import assert_array_equal
-from scipy.ndimage import gaussian_filter
 
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._commands import stored_tracks
@@ -21,12 +21,17 @@ from skmotionseg._commands.stored_tracks import StoredClip, StoredTracks, track_
 from skmotionseg.cli import main
 from skmotionseg.preprocessing import select_long_tracks
 from skmotionseg.video import track_video
+from skmotionseg.video._tracking import MAX_ERROR, MIN_TEXTURE
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 pytestmark = pytest.mark.xdist_group("long video")  # tracked once for all
 
 WIDTH, HEIGHT, N_FRAMES, GRID = 128, 96, 106, 12
-OPTIONS = {"grid_spacing": GRID, "max_error": 1.0, "min_texture": 0.03}
+OPTIONS = {
+    "grid_spacing": GRID,
+    "max_error": MAX_ERROR,
+    "min_texture": MIN_TEXTURE,
+}
 QUICK = ("--motions", "2", "--models", "affine", "--selection", "ncre", "--jobs", "1")
 COMMAND = "import sys; from skmotionseg.cli import main; sys.exit(main())"
 
@@ -35,10 +40,8 @@ COMMAND = "import sys; from skmotionseg.cli import main; sys.exit(main())"
 def frames():
     """A wall that sways, and a thing before it that sways otherwise."""
     rng = np.random.default_rng(0)
-    wall, thing = (
-        np.uint8(np.clip(128 + 320 * gaussian_filter(rng.normal(size=s), 1.5), 0, 255))
-        for s in ((HEIGHT + 60, WIDTH + 60), (50, 50))
-    )
+    shapes = (HEIGHT + 60, WIDTH + 60), (50, 50)
+    wall, thing = (plaster(rng, shape) for shape in shapes)
     pictures = []
     for f in range(N_FRAMES):
         y, x = np.int64(30 + 28 * np.sin([f / 23, f / 17]))
@@ -52,12 +55,7 @@ def frames():
 @pytest.fixture(scope="module")
 def file(frames, tmp_path_factory):
     path = tmp_path_factory.mktemp("video") / "long.avi"
-    codec = cv2.VideoWriter_fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), codec, 20.0, (WIDTH, HEIGHT))
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
+    return write_video(path, frames, "MJPG", 20.0)
 
 
 def segment(file, *options):

@@ -8,6 +8,7 @@ import weakref
 
 import numpy as np
 import pytest
+from helpers.pictures import write_video
 from helpers.progress_lines import without_progress
 from scipy.ndimage import gaussian_filter, map_coordinates
 
@@ -85,17 +86,6 @@ def turned(panned):
         seen = map_coordinates(square, [v + middle, u + middle], order=3).clip(0, 255)
         frames.append(np.where(inside, seen, background).astype(np.uint8))
     return frames
-
-
-def write_video(path, frames, codec="mp4v", fps=12.5):
-    height, width = frames[0].shape[:2]
-    fourcc = cv2.VideoWriter_fourcc(*codec)
-    writer = cv2.VideoWriter(str(path), fourcc, fps, (width, height))
-    assert writer.isOpened()
-    for frame in frames:
-        writer.write(cv2.cvtColor(frame, cv2.COLOR_GRAY2BGR))
-    writer.release()
-    return path
 
 
 def read_video(path):

@@ -12,6 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from sklearn.utils import gen_batches
 
 ROUNDS = 16
 # Tracks that are compared with the landmarks at a time.
@@ -102,12 +103,10 @@ def resemblance(points, visibility, landmarks, tracks):
         place and in displacement over the frames that see both, in units of their
         spread; 0 where no two consecutive frames see both.
     """
-    channels = _channels(points, visibility)
-    some = [tuple(each[landmarks] for each in channel) for channel in channels]
-    for start in range(0, len(tracks), TRACKS_PER_BATCH):
-        batch = tracks[start : start + TRACKS_PER_BATCH]
-        new = [tuple(each[batch] for each in channel) for channel in channels]
-        yield 1 / np.maximum(_squared_distances(new, some), LEAST_DISTANCE)
+    for squared in _distances_in_batches(
+        _channels(points, visibility), tracks, landmarks
+    ):
+        yield 1 / np.maximum(squared, LEAST_DISTANCE)
 
 
 class Neighbours:
@@ -211,18 +210,25 @@ def _draw(weights, free, n_new, random_state):
 
 def _distance_to(channels, landmarks):
     """Mean squared distance of each track to the nearest landmark."""
-    n_tracks = len(channels[0][0])
-    nearest = np.empty(n_tracks)
-    some = [tuple(each[landmarks] for each in channel) for channel in channels]
-    for start in range(0, n_tracks, TRACKS_PER_BATCH):
-        batch = slice(start, start + TRACKS_PER_BATCH)
-        new = [tuple(each[batch] for each in channel) for channel in channels]
-        nearest[batch] = _squared_distances(new, some).min(axis=1)
+    tracks = np.arange(len(channels[0][0]))
+    batches = _distances_in_batches(channels, tracks, landmarks)
+    nearest = np.concatenate([squared.min(axis=1) for squared in batches])
     met = np.isfinite(nearest)
     if met.any():
         nearest = np.minimum(nearest, np.quantile(nearest[met], FARTHEST))
     nearest[~met] = NEVER_MET
     return np.maximum(nearest, 0)
+
+
+def _distances_in_batches(channels, tracks, landmarks):
+    """Yield squared distances (n_batch, n_landmarks) of tracks, some at a time."""
+    others = _of(channels, landmarks)
+    for batch in gen_batches(len(tracks), TRACKS_PER_BATCH):
+        yield _squared_distances(_of(channels, tracks[batch]), others)
+
+
+def _of(channels, tracks):
+    return [tuple(each[tracks] for each in channel) for channel in channels]
 
 
 def _squared_distances(some, others):

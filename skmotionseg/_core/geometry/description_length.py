@@ -21,6 +21,8 @@ from .tracks import frame_pairs, non_empty_frames, working_coordinates
 # usually lasts, and more in a longer clip.
 FRAME_GAPS = (1, 4)
 MAX_PAIRS = 24
+# Standard deviations in a median of absolute values, for Gaussian noise.
+OF_MEDIAN = 1.4826
 # Standard deviations of the noise to choose from, as shares of the mean distance of
 # the tracks from their centre: about 0.02 to 0.3 pixels in a video of 640 x 480.
 NOISE_LEVELS = 2e-4 * 2.0 ** np.arange(5)

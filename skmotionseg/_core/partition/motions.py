@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.description_length import WorkingFrames, track_medians
+from ..geometry.description_length import OF_MEDIAN, WorkingFrames, track_medians
 from ..geometry.epipolar import ROBUST_SCALE, cheapest_rank_two, robust_fits
 from ..geometry.motion_models import homogeneous
 from ..labels import groups_of
@@ -28,8 +28,6 @@ INLIER_THRESHOLD = 6.0
 # Motions this much noisier than that of the median track are none. Halved or doubled,
 # nothing changes on KT3DMoSeg.
 USUAL_NOISE = 2.0
-# Standard deviations in a median of absolute values, for Gaussian noise.
-OF_MEDIAN = 1.4826
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..geometry.coverage import Neighbours
+from ..geometry.description_length import OF_MEDIAN
 from ..geometry.windows import Windows
 
 # Probability of being an outlier from which on a residual is one of an outlier, and the
@@ -136,7 +137,7 @@ def _outlier_probabilities(x, largest):
     centre to the largest.
     """
     centre = np.median(x)
-    spread = max(1.4826 * np.median(np.abs(x - centre)), LEAST_SPREAD)
+    spread = max(OF_MEDIAN * np.median(np.abs(x - centre)), LEAST_SPREAD)
     share = 0.1
     for _ in range(ITERATIONS):
         normal = np.exp(-0.5 * ((x - centre) / spread) ** 2) / (

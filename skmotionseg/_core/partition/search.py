@@ -147,8 +147,7 @@ def search_partitions(
         found = _by_frame_pairs(clip, counts, cluster)
     explanation = None
     if reject_outliers:
-        labels = found.best[found.chosen][1]
-        explanation = _explain(clip, labels, cluster, found.odd)
+        explanation = _explain(clip, found, cluster)
     return _of_all_tracks(found, clip, connected, len(points), explanation)
 
 
@@ -211,8 +210,8 @@ class _Found(NamedTuple):
         Of the two least different motions of a partition.
     costs : tuple
         Names of the terms of a cost, and their weights.
-    odd : RigidOutliers or None
-        Tells outliers by rigid motions.
+    rigid : (Windows, list of RigidMotion) or None
+        The rigid motions of the chosen partition, where these were compared.
     """
 
     best: dict[int, tuple[Cost, np.ndarray]]
@@ -220,7 +219,7 @@ class _Found(NamedTuple):
     gainless: dict[int, tuple[int, int]]
     log_odds: dict[int, float]
     costs: tuple = (COST_NAMES, COST_WEIGHTS)
-    odd: RigidOutliers | None = None
+    rigid: tuple | None = None
 
 
 def _by_frame_pairs(clip, counts, cluster):
@@ -278,9 +277,8 @@ def _rigid_costs(search, found):
             if count > found.chosen:
                 gainless[count] = step.pair
     costs = ("links to other motions", "nats per track"), (NATS_OF_LINKS, 1.0)
-    motions = found.steps[found.chosen].motions
-    odd = RigidOutliers.of(search.windows, motions)
-    return _Found(best, found.chosen, gainless, log_odds, costs, odd)
+    rigid = search.windows, found.steps[found.chosen].motions
+    return _Found(best, found.chosen, gainless, log_odds, costs, rigid)
 
 
 def count_probabilities(counts, log_odds):
@@ -417,15 +415,16 @@ def _bisect(clip, cluster, group):
     return _cluster(graph, 2, clip.affinity[np.ix_(group, group)], cluster) == 1
 
 
-def _explain(clip, labels, cluster, odd):
-    """Motions of a partition, those of over-segments that it has lost, and oddities."""
+def _explain(clip, found, cluster):
+    """Motions of the chosen partition, and those of over-segments that it has lost."""
     segments = _fit_over_segments(clip, cluster)
-    motions = fit_motions(clip.geometry, labels, clip.affinity)
+    motions = fit_motions(clip.geometry, found.best[found.chosen][1], clip.affinity)
     lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
     by_segment = clip.distances(segments) / segments.inlier_thresholds[:, None]
     nearest = np.where(np.isnan(by_segment), np.inf, by_segment).argmin(axis=0)
     members = np.bincount(nearest, minlength=len(by_segment))
     spare = 2 * np.bincount(nearest[lost], minlength=len(by_segment)) > members
+    odd = None if found.rigid is None else RigidOutliers.of(*found.rigid)
     return Explanation(motions, segments[spare], odd)
 
 

@@ -194,7 +194,7 @@ class MotionStream:
         groups = fitted_groups(self.buffer, self.motions)
         advance(window, self.motions, groups)
         refit(window, self.motions, groups, self.scale, self.frame)
-        residuals = self._assign(window)
+        residuals = self._assign(window, groups)
         residuals, events = self._judge(window, residuals)
         self._look(window, residuals)
         events += [
@@ -214,14 +214,12 @@ class MotionStream:
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
         self.first = self.frame - CUT_AFTER + 1
 
-    def _assign(self, window):
+    def _assign(self, window, groups):
         """Residuals of all tracks from all motions, by which tracks follow one."""
         buffer, now = self.buffer, self.buffer.seen[:, -1]
         fits = [motion.fit for motion in self.motions]
-        residuals = measure(
-            window, fits, self.scale, groups=fitted_groups(buffer, self.motions)
-        )
-        columns = columns_of(self.buffer.labels, self.motions)
+        residuals = measure(window, fits, self.scale, groups=groups)
+        columns = columns_of(buffer.labels, self.motions)
         shares = np.zeros_like(residuals.nats)
         voters = np.where(window.freedom[now] >= LEAST_FREEDOM, columns[now], UNKNOWN)
         places = buffer.points[now, -1]
