@@ -57,7 +57,9 @@ def motions_in_pixels(motions, points, visibility, labels, frames):
         for motion, fundamental in enumerate(motions.fundamental[:, pair]):
             own = labels[tracks] == motion
             distances = sampson_distances(fundamental, *(side[own] for side in sides))
-            residuals[pair, tracks[own]] = scale * distances
+            # A degenerate matrix gives more than float32 holds: infinite, as by none.
+            with np.errstate(over="ignore"):
+                residuals[pair, tracks[own]] = scale * distances
     residuals[np.isinf(residuals)] = np.nan
     thresholds = scale * motions.inlier_thresholds
     own = np.append(thresholds, np.nan)[labels]  # the last is that of -1

@@ -8,6 +8,7 @@ import pytest
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.motions import fit_motions, inliers, usual
+from skmotionseg._segmenter.motions import motions_in_pixels
 from skmotionseg.datasets import make_rigid_motions
 
 
@@ -66,3 +67,15 @@ def test_unusual_noise_is_against_that_of_the_median_track():
     noise = np.array([0.01, 0.012, 0.05])
     assert usual(noise, np.array([0] * 5 + [1] * 3 + [2] * 3)).tolist() == [1, 1, 0]
     assert usual(noise, np.array([2, 2, 2, 0, -1])).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_degenerate_matrix_has_no_residuals():
+    _, y, tracks = scene_with(0.0, n_frames=3, n_motions=1)
+    motions = fit_motions(clip_geometry(*tracks), np.zeros_like(y), linked(y))
+    # Its epipolar lines have no direction: distances are more than float32 holds.
+    motions.fundamental[0, 0] = np.diag([0.0, 0.0, 1.0])
+    found = motions_in_pixels(motions, *tracks, np.zeros_like(y), np.arange(3))
+    assert np.isnan(found.residuals[0]).all()
+    assert np.isfinite(found.residuals[1:]).all()
+    assert not found.inliers[0].any()

@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from sklearn.utils import gen_batches
 
 ROUNDS = 16
 # Tracks that are compared with the landmarks at a time.
@@ -223,8 +222,9 @@ def _distance_to(channels, landmarks):
 def _distances_in_batches(channels, tracks, landmarks):
     """Yield squared distances (n_batch, n_landmarks) of tracks, some at a time."""
     others = _of(channels, landmarks)
-    for batch in gen_batches(len(tracks), TRACKS_PER_BATCH):
-        yield _squared_distances(_of(channels, tracks[batch]), others)
+    for start in range(0, len(tracks), TRACKS_PER_BATCH):
+        batch = tracks[start : start + TRACKS_PER_BATCH]
+        yield _squared_distances(_of(channels, batch), others)
 
 
 def _of(channels, tracks):
