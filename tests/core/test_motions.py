@@ -71,7 +71,7 @@ def test_unusual_noise_is_against_that_of_the_median_track():
 
 @pytest.mark.filterwarnings("error")
 def test_a_degenerate_matrix_has_no_residuals():
-    _, y, tracks = scene_with(0.0, n_frames=3, n_motions=1)
+    _, y, tracks = scene_with(0.0, n_frames=3, n_motions=1, missing=0.0)
     motions = fit_motions(clip_geometry(*tracks), np.zeros_like(y), linked(y))
     # Its epipolar lines have no direction: distances are more than float32 holds.
     motions.fundamental[0, 0] = np.diag([0.0, 0.0, 1.0])
