@@ -156,7 +156,8 @@ estimator, default="description_length"
         means using all processors. See :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None, default=None
         Determines the hypotheses and the initialisations of k-means. The hypotheses of
-        a model do not depend on the other models.
+        a model do not depend on the other models; which tracks are landmarks does not
+        depend on the seed.
 
     Attributes
     ----------
@@ -398,7 +399,6 @@ estimator, default="description_length"
                 visibility,
                 n_landmarks,
                 models,
-                seeds,
                 n_jobs=self.n_jobs,
                 memory=self.memory,
             )

@@ -9,17 +9,20 @@ from .._core.graph.clustering import cluster_graph
 from .._core.graph.fusion import kernel_addition
 from .._core.graph.spectral import ViewGraph
 from .._parallel.tasks import noting
-from .views import fit_views, make_view, place_by_landmarks
+from .views import fit_views, make_view, place_by_landmarks, view_seeds
 
 # A first look: so many tracks, cut by hypotheses this few into so many over-segments.
 FIRST_LANDMARKS = 600
 FIRST_HYPOTHESES = 200
 OVER_SEGMENTS = 30
 RESTARTS = 5
+# The choice is the same for every seed of a fit: other landmarks are other data, and of
+# two numbers of motions that are nearly as likely, another may then be chosen.
+SEED = 0
 
 
 def choose_landmarks(
-    points, visibility, n_landmarks, models, seeds, *, n_jobs=None, memory=None
+    points, visibility, n_landmarks, models, *, n_jobs=None, memory=None
 ):
     """Positions of the tracks to fit: all, or a choice.
 
@@ -34,8 +37,6 @@ def choose_landmarks(
     visibility : ndarray of bool, shape (n_tracks, n_frames)
     n_landmarks : int
     models : list of MotionModel
-    seeds : dict
-        One for each model, and that of the choice, by name.
     n_jobs : int or None
     memory : str, path, joblib.Memory or None
 
@@ -51,7 +52,8 @@ def choose_landmarks(
     """
     if n_landmarks == len(points):
         return np.arange(len(points))
-    rng = np.random.RandomState(seeds["landmarks"])
+    rng = np.random.RandomState(SEED)
+    seeds = view_seeds(rng, models)
     n_first = min(max(FIRST_LANDMARKS, n_landmarks), len(points))
     first = draw_covering(points, visibility, n_first, rng)
     views = {

@@ -46,7 +46,7 @@ def check_models(
 
 
 def view_seeds(random_state, models):
-    """Seeds by name: of each model, of "clustering" and of "landmarks".
+    """Seeds by name: of each model, and of "clustering".
 
     The seed of a model does not depend on which others there are: those of the built-in
     models are always all drawn, and all others share one.
@@ -60,7 +60,7 @@ def view_seeds(random_state, models):
     -------
     dict of str to int
     """
-    names = [*ALL_MODELS, "clustering", "landmarks"]
+    names = [*ALL_MODELS, "clustering"]
     most = np.iinfo(np.int32).max
     drawn = random_state.randint(most, size=len(names))
     seeds = dict(zip(names, map(int, drawn), strict=True))

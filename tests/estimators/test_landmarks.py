@@ -82,6 +82,11 @@ def test_tracks_that_are_not_fitted_are_placed(scene, fitted):
     assert fitted.candidate_labels_.shape == (1, len(X))
 
 
+def test_another_seed_fits_the_same_landmarks(scene, fitted):
+    other = MotionSegmenter(3, n_landmarks=160, n_hypotheses=100, random_state=1)
+    assert_array_equal(other.fit(scene[0]).landmarks_, fitted.landmarks_)
+
+
 def test_the_largest_motion_comes_first(fitted):
     assert (np.diff(np.bincount(fitted.labels_)) <= 0).all()
 
