@@ -4,7 +4,8 @@ Each track has log odds of moving by how far it is from the scene's rigid motion
 how its depth differs from those around. A minimal cut of the graph of neighbouring
 tracks makes of these connected regions, and a region stays a part only if a motion of
 its own, or the movement of the tracks around each one, explains it much better than the
-scene: noise, and water, are explained by neither.
+scene: noise, and water, are explained by neither. What of a region that was segmented
+as one motion its rigid fit leaves unexplained, as a bending limb, is part of it.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ LARGE_STEP = 3.0
 # Share of the tracks that is enough for a part to be whole.
 WHOLE = 0.8
 # Share of the tracks that is most of them: of a rigid motion's that move, if it does,
-# and of a part's that go together.
+# of those that are explained, if it is a part, and of a part's that go together.
 MOST = 0.5
 # A part that encloses another has so many times its tracks.
 ENCLOSING = 5.0
@@ -219,6 +220,7 @@ class _Parts:
 
     def __init__(self, windows, scene, pairs):
         self._windows, self._pairs = windows, pairs
+        self._judged = np.isfinite(scene.deviations).any(axis=1)
         freedom = np.where(np.isnan(scene.deviations), 0, windows.freedom)
         over = np.maximum(scene.steps - LARGE_STEP * scene.noise, 0)
         self._scene, self._noise = (
@@ -235,7 +237,7 @@ class _Parts:
         for motion in np.unique(motions[motions >= 0]):
             own = motions == motion
             if moving[own].mean() > MOST:
-                known += map(self._core_of, self._regions(moving & own))
+                known += map(self._moved, self._regions(moving & own))
         left = moving.copy()
         for part in known:
             left[part] = False
@@ -289,12 +291,16 @@ class _Parts:
                 rest |= left
         return parts, rest
 
-    def _core_of(self, region):
-        """What of a region is explained; none if that is not nearly all."""
-        own = self._explained(region)
-        if (own | self._goes_together(region)).mean() < WHOLE:
-            return region[:0]
-        return region[own] if MOST < own.mean() < WHOLE else region
+    def _moved(self, region):
+        """A region of one motion if most of it moves by itself; none of it otherwise.
+
+        Whole: the cut has told which tracks move, and a body's may bend, or be seen too
+        briefly to be judged. Their depths may differ from those around: it took
+        many tracks to find the motion, so that these depths explain no noise.
+        """
+        own = self._explained(region, smooth=False) | self._goes_together(region)
+        judged = own[self._judged[region]]
+        return region if len(judged) and judged.mean() >= MOST else region[:0]
 
     def _goes_together(self, region):
         """Which tracks move as those around them do, and not as the scene does."""
@@ -320,8 +326,11 @@ class _Parts:
         )
         return [rows[names == k] for k in np.flatnonzero(counts >= LEAST_TRACKS)]
 
-    def _explained(self, region):
-        """Which tracks of a region are explained by its own motion, not the scene's."""
+    def _explained(self, region, smooth=True):
+        """Which tracks of a region are explained by its own motion, not the scene's.
+
+        If ``smooth``, at depths like those of the tracks around.
+        """
         windows = self._windows
         motion = windows.fit([region])[0]
         squares, freedom = np.zeros((2, len(region), len(windows.frames)))
@@ -331,8 +340,9 @@ class _Parts:
                 continue
             rows = region[there]
             view = view_of(windows, number, rows, poses)
-            steps = self._steps_around(rows, number, view)
-            squares[there, number] = view.deviations**2 + steps**2
+            squares[there, number] = view.deviations**2
+            if smooth:
+                squares[there, number] += self._steps_around(rows, number, view) ** 2
             freedom[there, number] = windows.freedom[rows, number]
         own = _root_mean(squares, freedom)
         own[freedom.sum(axis=1) == 0] = np.inf
