@@ -13,12 +13,16 @@ CELL = 8
 FLOW_NOISE, FLOW_SHARE, FIELD_DRIFT = 0.3, 0.05, 0.02
 # Gradient, grey levels per pixel, at which optical flow is half believed.
 FLOW_TEXTURE = 2.0
-# Pixels over which a track loses its say on the pixels around it, by a factor e.
-REACH = 6.0
+# Side of the window, pixels, whose texture a track is taken to follow: somewhat more
+# than that of the tracker, as what is begun by dense optical flow follows more.
+TRACK_WINDOW = 15
+# Pixels from its nearest track at which a motion is as likely as on it; and over which
+# it becomes less so beyond, by a factor e.
+NEAR, REACH = 24.0, 6.0
 # Side of the cells of a colour grid: pixels, and levels of the CIELAB channels.
 COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
 # The most, in nats, that one kind of evidence may speak against a motion.
-MOST_FLOW, MOST_NEARNESS, MOST_COLOUR = 4.0, 4.0, 3.0
+MOST_FLOW, MOST_DISTANCE, MOST_COLOUR = 4.0, 4.0, 3.0
 
 
 def warp(values, flow):
@@ -46,12 +50,18 @@ def flow_agreement(flow, back):
     return np.exp(-miss / (2 * allowed**2))
 
 
-def texture_trust(grey):
-    """How far the texture of a picture lets flow be believed: 0 to 1."""
+def gradient_energy(grey):
+    """Squared gradient (height, width), of grey levels per pixel, float32."""
     cv2 = require("cv2", extra="video")
     grey = grey.astype(np.float32)
     x, y = (cv2.Sobel(grey, -1, *axis, scale=1 / 8) for axis in ((1, 0), (0, 1)))
-    energy = cv2.boxFilter(x * x + y * y, -1, (7, 7))
+    return x * x + y * y
+
+
+def texture_trust(energy):
+    """How far the texture of a picture lets flow be believed: 0 to 1."""
+    cv2 = require("cv2", extra="video")
+    energy = cv2.boxFilter(energy, -1, (7, 7))
     return energy / (energy + FLOW_TEXTURE**2)
 
 
@@ -188,8 +198,36 @@ def track_counts(points, labels, n_labels, shape):
     return counts
 
 
-def nearness_evidence(counts):
-    """Log-odds of each motion by the distance to its nearest track, to the best's.
+def texture_centres(energy):
+    """Steps from each pixel to the middle of the texture around: (height, width, 2).
+
+    The movement of a window is that of what can be seen to move in it. Where a thing
+    moves before a plain wall, points of the wall next to its outline go with it; their
+    texture is the outline's, and they are moved there.
+
+    Parameters
+    ----------
+    energy : ndarray of float32, shape (height, width)
+        As of :func:`gradient_energy`.
+    """
+    cv2 = require("cv2", extra="video")
+    r = TRACK_WINDOW // 2  # the picture goes on beyond its edges, lest these pull
+    energy = cv2.copyMakeBorder(energy + 1e-2, r, r, r, r, cv2.BORDER_REFLECT_101)
+    y, x = np.mgrid[: energy.shape[0], : energy.shape[1]].astype(np.float32)
+
+    def total(values):
+        return cv2.boxFilter(values, -1, (TRACK_WINDOW, TRACK_WINDOW))
+
+    mass = total(energy)
+    steps = np.dstack([total(energy * at) / mass - at for at in (x, y)])
+    return steps[r:-r, r:-r]
+
+
+def distance_evidence(counts):
+    """Log-odds of each motion by how far its nearest track is, to the best's.
+
+    Within ``NEAR`` distances do not count: next to a thing, tracks of what is behind it
+    end, and it would reach out to where these begin again.
 
     Parameters
     ----------
@@ -199,16 +237,15 @@ def nearness_evidence(counts):
     Returns
     -------
     ndarray of float32, shape (n_labels, height, width)
-        From ``-MOST_NEARNESS`` to 0.
+        From ``-MOST_DISTANCE`` to 0.
     """
     cv2 = require("cv2", extra="video")
-    far = float(sum(counts.shape[1:]))
-    logs = np.full_like(counts, -far / REACH)
+    far = np.full_like(counts, sum(counts.shape[1:]))
     for label, count in enumerate(counts):
         if count.any():
-            logs[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
-            logs[label] /= -REACH
-    return np.maximum(logs - logs.max(axis=0), -MOST_NEARNESS)
+            far[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
+    logs = np.maximum(far - NEAR, 0) / -REACH
+    return np.maximum(logs - logs.max(axis=0), -MOST_DISTANCE)
 
 
 # ----------------------------------------------------------------------------- colour

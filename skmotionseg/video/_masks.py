@@ -15,20 +15,23 @@ from .._utils.validation import check_label_each
 from ._checks import check_number, make_reporter
 from ._evidence import (
     ColourGrid,
+    distance_evidence,
     flow_agreement,
     flow_evidence,
-    nearness_evidence,
+    gradient_energy,
+    texture_centres,
     texture_trust,
     track_counts,
     warp,
 )
 from ._frames import SMALLEST_SIDE, Progress, Source, first_frames, open_frames
+from ._grid import sample_field
 from ._random_walk import edge_weights, random_walk
 
 # How strongly neighbours of one colour are tied, and the share that an edge leaves.
 TIES, TIES_ACROSS_EDGES = 10.0, 0.02
 # How strongly pixels are drawn to what the evidence says of them, and to their tracks.
-EVIDENCE, TRACK_EVIDENCE = 0.3, 8.0
+EVIDENCE, TRACK_EVIDENCE = 0.15, 8.0
 # Weight of the log-odds by colours, which repeat what flow and tracks have said.
 COLOUR_WEIGHT = 0.35
 # The most, in nats, that the last frame may speak against a motion.
@@ -47,9 +50,10 @@ def dense_masks(
     """Give every pixel of every frame the label of a motion.
 
     A pixel belongs to a motion if its optical flow, to the frames before and after, is
-    that of the motion's tracks around it; if tracks of the motion are near; if its
-    colour is one that the motion has there; and if it did in the frame before. A random
-    walker weighs these, and lets masks end where the picture has edges.
+    that of the motion's tracks around it; if it is at the texture that one of these
+    follows, and not far from all of them; if its colour is one that the motion has
+    there; and if it did in the frame before. A random walker weighs these, and lets
+    masks end where the picture has edges.
 
     Frames are read one at a time and no more than three are held.
 
@@ -126,8 +130,8 @@ def _paint(painter, frames, names):
     while current is not None:
         following = next(frames, None)
         next_view = None if following is None else painter.look(following)
-        walk = painter.paint(view, next_view, number)
-        yield names[_enlarged(walk, current)].astype(np.uint8)
+        present, walk = painter.paint(view, next_view, number)
+        yield names[present][_enlarged(walk, current)].astype(np.uint8)
         current, view, number = following, next_view, number + 1
 
 
@@ -159,6 +163,7 @@ class _Painter:
         self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
         self._last: Any = None
         self._last_walk: Any = None
+        self._last_present = np.empty(0, dtype=int)
         self._grid: Any = None
 
     def look(self, frame):
@@ -178,37 +183,59 @@ class _Painter:
         return _View(frame, cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
 
     def paint(self, view, following, number):
-        """Probabilities (n_labels, height, width) in the frame of that number."""
+        """Labels in the frame of that number, and their probabilities.
+
+        Returns
+        -------
+        present : ndarray of int, shape (n,)
+            Labels with tracks in the frame, or pixels in the last one.
+        walk : ndarray of float32, shape (n, height, width)
+        """
         if following is not None:
             view.ahead = self._flow.calc(view.grey, following.grey, None)
             view.back = self._flow.calc(following.grey, view.grey, None)
         if self._grid is None:
             self._grid = ColourGrid(view.grey.shape)
         seen = np.flatnonzero(self._visibility[:, number])
-        counts = track_counts(
-            self._place(seen, number),
-            self._labels[seen],
-            self._n_labels,
-            view.grey.shape,
-        )
-        logs = self._flow_evidence(view, number) + nearness_evidence(counts)
-        walk = self._decide(view, logs, counts)
-        self._last, self._last_walk = view, walk
+        present = self._present(seen)
+        labels = np.searchsorted(present, self._labels)  # of what is seen, at least
+        places, energy = self._place(seen, number), gradient_energy(view.grey)
+        places = places + sample_field(texture_centres(energy), places)
+        counts = track_counts(places, labels[seen], len(present), view.grey.shape)
+        logs = self._flow_evidence(view, number, labels, len(present), energy)
+        logs += distance_evidence(counts)
+        walk = self._decide(view, logs, counts, present)
+        self._last, self._last_walk, self._last_present = view, walk, present
+        return present, walk
+
+    def _present(self, seen):
+        """Labels (n,) with tracks that are seen, or pixels in the last frame."""
+        known = [self._labels[seen]]
+        if self._last is not None:
+            known.append(self._last_present[np.unique(self._last_walk.argmax(axis=0))])
+        present = np.unique(np.concatenate(known))
+        return present if len(present) else np.zeros(1, dtype=int)
+
+    def _of_last(self, present):
+        """Probabilities in the last frame: 0 for labels that were not there."""
+        walk = np.zeros((len(present), *self._last_walk.shape[1:]), dtype=np.float32)
+        _, new, old = np.intersect1d(present, self._last_present, return_indices=True)
+        walk[new] = self._last_walk[old]
         return walk
 
     def _place(self, rows, number):
         """Points at the working size, pixels having their centres at whole numbers."""
         return (self._points[rows, number] + 0.5) * self._scale - 0.5
 
-    def _flow_evidence(self, view, number):
+    def _flow_evidence(self, view, number, labels, n_labels, energy):
         """Mean over the flows to the frames after and before."""
         pairs = []
         if view.ahead is not None:
             pairs.append((view.ahead, view.back, number + 1))
         if self._last is not None:
             pairs.append((self._last.back, self._last.ahead, number - 1))
-        logs = np.zeros((self._n_labels, *view.grey.shape), dtype=np.float32)
-        trust = texture_trust(view.grey)
+        logs = np.zeros((n_labels, *view.grey.shape), dtype=np.float32)
+        trust = texture_trust(energy)
         for flow, back, other in pairs:
             rows = np.flatnonzero(
                 self._visibility[:, number] & self._visibility[:, other]
@@ -219,12 +246,12 @@ class _Painter:
                 trust * flow_agreement(flow, back),
                 points,
                 self._place(rows, other) - points,
-                self._labels[rows],
-                self._n_labels,
+                labels[rows],
+                n_labels,
             ) / len(pairs)
         return logs
 
-    def _decide(self, view, logs, counts):
+    def _decide(self, view, logs, counts, present):
         across, down = edge_weights(view.picture, TIES, TIES_ACROSS_EDGES)
         seeds = TRACK_EVIDENCE * np.minimum(counts, 2)
         view.colours = self._grid.colours(view.picture)
@@ -238,12 +265,13 @@ class _Painter:
                 walk = random_walk(_drawn(logs + colour) + seeds, across, down, walk)
             return walk
         last, flow = self._last, self._last.back
-        past = np.stack([warp(part, flow) for part in self._last_walk])
+        known = self._of_last(present)
+        past = np.stack([warp(part, flow) for part in known])
         odds = np.log(past + 0.03)
         trust = flow_agreement(flow, last.ahead)
         logs = logs + trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)
-        logs += COLOUR_WEIGHT * self._grid.evidence(moved, self._last_walk, cells)
+        logs += COLOUR_WEIGHT * self._grid.evidence(moved, known, cells)
         return random_walk(_drawn(logs) + seeds, across, down, past)
 
 

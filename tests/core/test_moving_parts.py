@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from helpers.rooms import BOX, N_FRAMES, SIZE, clip
 
+from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.moving_parts import (
     least_cut,
     moving_parts,
     track_graph,
 )
+from skmotionseg.datasets import make_scene
 
 
 def found(points, visibility, labels=None):
@@ -74,6 +76,36 @@ def test_a_small_part_inside_another_is_of_it():
     parts = found(points, visibility)
     assert inner.sum() >= 12
     assert (parts[moves] == 0).mean() > 0.9
+
+
+def test_tracks_too_short_to_be_judged_go_with_their_motion():
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    short = np.flatnonzero(moves)[::4]
+    visibility[short, 2:] = False
+    points[short, 2:] = np.nan
+    parts = found(points, visibility, moves.astype(int))
+    assert (parts[moves] == 0).mean() > 0.98
+
+
+def test_simulated_bodies_with_limbs_are_found_whole():
+    """Boxes and blobs that turn, whose neighbouring tracks differ in depth."""
+    shares = []
+    for seed in (100, 104, 107):
+        scene = make_scene(
+            "articulated",
+            random_state=seed,
+            n_tracks=1200,
+            n_frames=16,
+            background=0.75,
+            outliers=0.1,
+        )
+        points, visibility = unpack_tracks(scene.data)
+        size, target = tuple(scene.image_size), scene.target
+        parts = moving_parts(points, visibility, target, scene.background, size)
+        moves = (target != scene.background) & (target >= 0)
+        shares.append((parts[moves] >= 0).mean())
+        assert (parts[target == scene.background] == -1).mean() > 0.98
+    assert np.mean(shares) > 0.9
 
 
 def test_a_crowd_of_noise_is_no_part():

@@ -22,7 +22,18 @@ from skmotionseg.video import (
     render_segmentation,
     track_video,
 )
-from skmotionseg.video._evidence import ColourGrid, fill, fit_affine, motion_field
+from skmotionseg.video._evidence import (
+    NEAR,
+    REACH,
+    ColourGrid,
+    distance_evidence,
+    fill,
+    fit_affine,
+    gradient_energy,
+    motion_field,
+    texture_centres,
+)
+from skmotionseg.video._grid import sample_field
 from skmotionseg.video._random_walk import edge_weights, random_walk
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
@@ -116,6 +127,18 @@ def test_frames_without_tracks_go_on_as_before(frames, tracked):
         assert region_similarity(inside(frame), masks[frame] == 1) > 0.6
 
 
+def test_a_motion_that_comes_late_does_not_change_what_was_before(frames, tracked):
+    X, labels = tracked
+    late = X[labels == 1] + 1
+    late[:, :-6] = np.nan
+    both = np.concatenate([X, late]), np.append(labels, np.full(len(late), 2))
+    alone = list(dense_masks(frames, X, labels))
+    with_it = list(dense_masks(frames, *both))
+    for before, after in zip(alone[:-3], with_it[:-3], strict=True):
+        np.testing.assert_array_equal(before, after)
+    assert (with_it[-1] == 2).any()
+
+
 def test_no_more_than_three_frames_are_held_for_masks(frames, tracked):
     alive, most = weakref.WeakSet(), 0
 
@@ -200,6 +223,28 @@ def test_edges_tie_less():
     assert across.shape == (8, 9) and down.shape == (7, 10)
     assert across[:, 4].max() < across[:, 0].min() == pytest.approx(2.2)
     np.testing.assert_allclose(down, 2.2, rtol=1e-6)
+
+
+def test_points_before_a_plain_wall_go_to_the_outline_that_they_follow():
+    grey = np.full((60, 80), 100, np.uint8)
+    grey[:, 40:] = 180
+    steps = texture_centres(gradient_energy(grey))
+    np.testing.assert_allclose(steps[30, 34:46, 0], 39.5 - np.arange(34, 46), atol=0.2)
+    assert np.abs(steps[30, :25]).max() < 0.5  # nothing there to go to
+    moved = sample_field(steps, np.array([[35.0, 30.0], [44.0, 30.0]]))
+    np.testing.assert_allclose(moved, [[4.5, 0], [-4.5, 0]], atol=0.2)
+
+
+def test_a_motion_is_near_its_tracks_and_no_less_next_to_them():
+    counts = np.zeros((2, 9, 200), np.float32)
+    counts[0, 4, 0] = counts[1, 4, 199] = 1
+    logs = distance_evidence(counts)[:, 4]
+    assert logs.max(axis=0).max() == 0
+    assert logs[1, 20] < -3 and logs[0, 180] < -3
+    counts[1] = 0
+    counts[1, 4, int(NEAR + REACH)] = 1
+    beside = distance_evidence(counts)[:, 4]
+    assert np.abs(beside[:, 8 : int(NEAR)]).max() == 0
 
 
 def test_gaps_of_a_field_are_filled():

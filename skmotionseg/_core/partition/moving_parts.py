@@ -4,7 +4,8 @@ Each track has log odds of moving by how far it is from the scene's rigid motion
 how its depth differs from those around. A minimal cut of the graph of neighbouring
 tracks makes of these connected regions, and a region stays a part only if a motion of
 its own, or the movement of the tracks around each one, explains it much better than the
-scene: noise, and water, are explained by neither.
+scene: noise, and water, are explained by neither. What a part's rigid motion leaves
+unexplained, as limbs that bend, is of the part where it goes together with it.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ LARGE_STEP = 3.0
 # Share of the tracks that is enough for a part to be whole.
 WHOLE = 0.8
 # Share of the tracks that is most of them: of a rigid motion's that move, if it does,
-# and of a part's that go together.
+# of those that are explained, if it is a part, and of a part's that go together.
 MOST = 0.5
 # A part that encloses another has so many times its tracks.
 ENCLOSING = 5.0
@@ -56,6 +57,9 @@ MOST_DEPTH = 6
 # Tracks around one that tell its movement, by residuals so many times smaller: those of
 # independent noise are larger.
 N_AROUND, AROUND_RATIO = 8, 1.25
+# Log odds of a track that it is of a limb, at least and at most; and what it costs to
+# part two neighbours, in nats.
+LIMB_ODDS, LIMB_LINK = (-2.0, 2.0), 0.3
 
 
 def moving_parts(points, visibility, labels, background, size):
@@ -219,6 +223,7 @@ class _Parts:
 
     def __init__(self, windows, scene, pairs):
         self._windows, self._pairs = windows, pairs
+        self._judged = np.isfinite(scene.deviations).any(axis=1)
         freedom = np.where(np.isnan(scene.deviations), 0, windows.freedom)
         over = np.maximum(scene.steps - LARGE_STEP * scene.noise, 0)
         self._scene, self._noise = (
@@ -235,7 +240,7 @@ class _Parts:
         for motion in np.unique(motions[motions >= 0]):
             own = motions == motion
             if moving[own].mean() > MOST:
-                known += map(self._core_of, self._regions(moving & own))
+                known += map(self._moved, self._regions(moving & own))
         left = moving.copy()
         for part in known:
             left[part] = False
@@ -247,7 +252,46 @@ class _Parts:
         labels = np.full(len(moving), -1)
         for number, part in enumerate(sorted(parts, key=len, reverse=True)):
             labels[part] = number
-        return self._absorbed(labels, len(parts))
+        return self._with_limbs(self._absorbed(labels, len(parts)), moving)
+
+    def _with_limbs(self, labels, moving):
+        """The same, with what goes together with a part that it touches.
+
+        Only in regions of which most are parts or go together. Elsewhere, what moves
+        around a part is more likely what it moves in: water.
+        """
+        taken = labels >= 0
+        odds = np.full(len(moving), MOST_ODDS)
+        for region in self._regions(moving):
+            left = labels[region] < 0
+            if left.all() or not left.any():
+                continue
+            scene, around = self._scene[region], self._from_around(region)
+            together = ~left | self._is_together(region, around)
+            if together.mean() >= MOST:
+                taken[region] = True
+                known = np.isfinite(around) & (scene > 0)
+                ratio = np.where(known, scene, 1) / np.where(known, around, 1)
+                by_ratio = (SLOPE * np.log(ratio / AROUND_RATIO)).clip(*LIMB_ODDS)
+                odds[region[left]] = np.where(known, by_ratio, 0)[left]
+        pairs = self._pairs[taken[self._pairs].all(axis=1)]
+        odds[~taken] = LEAST_ODDS
+        limbs = least_cut(odds, pairs, np.full(len(pairs), LIMB_LINK)) & (labels < 0)
+        return self._attached(labels, limbs, pairs)
+
+    def _attached(self, labels, limbs, pairs):
+        """The same, each connected limb having the label that it touches most."""
+        n = len(labels)
+        inside = pairs[limbs[pairs].all(axis=1)]
+        graph = csr_array((np.ones(len(inside)), tuple(inside.T)), shape=(n, n))
+        names = connected_components(graph, directed=False)[1]
+        across = pairs[limbs[pairs[:, 0]] != limbs[pairs[:, 1]]]
+        own, other = np.where(limbs[across[:, :1]], across, across[:, ::-1]).T
+        touching = labels[other] >= 0
+        votes = np.zeros((names.max() + 1, labels.max() + 2), dtype=int)
+        np.add.at(votes, (names[own[touching]], labels[other[touching]]), 1)
+        touched = limbs & (votes.max(axis=1)[names] > 0)
+        return np.where(touched, votes.argmax(axis=1)[names], labels)
 
     def _absorbed(self, labels, n_parts):
         """The same, but that parts which much larger ones enclose are of these."""
@@ -289,16 +333,23 @@ class _Parts:
                 rest |= left
         return parts, rest
 
-    def _core_of(self, region):
-        """What of a region is explained; none if that is not nearly all."""
-        own = self._explained(region)
-        if (own | self._goes_together(region)).mean() < WHOLE:
-            return region[:0]
-        return region[own] if MOST < own.mean() < WHOLE else region
+    def _moved(self, region):
+        """A region of one motion if most of it moves by itself; none of it otherwise.
+
+        Whole: the cut has told which tracks move, and a body's may bend, or be seen too
+        briefly to be judged. Their depths may differ from those around: it took
+        many tracks to find the motion, so that these depths explain no noise.
+        """
+        own = self._explained(region, smooth=False) | self._goes_together(region)
+        judged = own[self._judged[region]]
+        return region if len(judged) and judged.mean() >= MOST else region[:0]
 
     def _goes_together(self, region):
         """Which tracks move as those around them do, and not as the scene does."""
-        around, scene = self._from_around(region), self._scene[region]
+        return self._is_together(region, self._from_around(region))
+
+    def _is_together(self, region, around):
+        scene = self._scene[region]
         return (scene > AROUND_RATIO * around) & (
             scene > LEAST_SCENE * self._noise[region]
         )
@@ -320,8 +371,11 @@ class _Parts:
         )
         return [rows[names == k] for k in np.flatnonzero(counts >= LEAST_TRACKS)]
 
-    def _explained(self, region):
-        """Which tracks of a region are explained by its own motion, not the scene's."""
+    def _explained(self, region, smooth=True):
+        """Which tracks of a region are explained by its own motion, not the scene's.
+
+        If ``smooth``, at depths like those of the tracks around.
+        """
         windows = self._windows
         motion = windows.fit([region])[0]
         squares, freedom = np.zeros((2, len(region), len(windows.frames)))
@@ -331,8 +385,9 @@ class _Parts:
                 continue
             rows = region[there]
             view = view_of(windows, number, rows, poses)
-            steps = self._steps_around(rows, number, view)
-            squares[there, number] = view.deviations**2 + steps**2
+            squares[there, number] = view.deviations**2
+            if smooth:
+                squares[there, number] += self._steps_around(rows, number, view) ** 2
             freedom[there, number] = windows.freedom[rows, number]
         own = _root_mean(squares, freedom)
         own[freedom.sum(axis=1) == 0] = np.inf
