@@ -142,30 +142,10 @@ class FusionWeightDisplay:
             labels do not fit.
         """
         require_pyplot()
-        if clusterer.fusion not in WEIGHTS:
-            raise ValueError(
-                f"fusion must be one of {list(WEIGHTS)}, which have a weight; got "
-                f"{clusterer.fusion!r}"
-            )
-        parameter, symbol = WEIGHTS[clusterer.fusion]
+        parameter, symbol = _weight_of(clusterer.fusion)
         weights = _check_values(values)
-        if not len(X) or len(X) != len(y):
-            raise ValueError(
-                f"got {len(X)} stacked affinities and {len(y)} label arrays"
-            )
-        y = [check_labels(labels, len(x)) for x, labels in zip(X, y, strict=True)]
-
-        def errors_of(value, affinities, labels):
-            params = {parameter: value, "n_clusters": count_motions(labels)}
-            weighted = clone(clusterer).set_params(**params)
-            return _fused_and_view_errors(weighted, affinities, labels)
-
-        # (n_values, n_sequences, 1 + n_views)
-        errors = np.array(
-            [
-                [errors_of(value, *pair) for pair in zip(X, y, strict=True)]
-                for value in weights
-            ]
+        errors = _errors_by_weight(
+            clusterer, parameter, weights, _check_sequences(X, y)
         )
         return cls(
             weights,
@@ -267,6 +247,36 @@ class FusionWeightDisplay:
             **style,
         )
         return line
+
+
+def _weight_of(fusion):
+    """The parameter that is a fusion's weight, and how it is written."""
+    if fusion not in WEIGHTS:
+        raise ValueError(
+            f"fusion must be one of {list(WEIGHTS)}, which have a weight; got "
+            f"{fusion!r}"
+        )
+    return WEIGHTS[fusion]
+
+
+def _check_sequences(X, y):
+    """Affinities and labels of each sequence."""
+    if not len(X) or len(X) != len(y):
+        raise ValueError(f"got {len(X)} stacked affinities and {len(y)} label arrays")
+    return [(x, check_labels(labels, len(x))) for x, labels in zip(X, y, strict=True)]
+
+
+def _errors_by_weight(clusterer, parameter, weights, sequences):
+    """Errors (n_values, n_sequences, 1 + n_views) of the fused result and each view."""
+
+    def errors_of(value, affinities, labels):
+        params = {parameter: value, "n_clusters": count_motions(labels)}
+        weighted = clone(clusterer).set_params(**params)
+        return _fused_and_view_errors(weighted, affinities, labels)
+
+    return np.array(
+        [[errors_of(value, *pair) for pair in sequences] for value in weights]
+    )
 
 
 @single_threaded
