@@ -165,15 +165,30 @@ def check_n_groups(name, count, graph):
         )
 
 
-def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    """Labels as an array of integers, if there is one per track."""
+def check_label_each(
+    labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
+) -> npt.NDArray[np.integer]:
+    """Labels as an array of integers, one per track.
+
+    Parameters
+    ----------
+    labels : array-like of int, shape (n_tracks,)
+    n_tracks : int
+    name : str, default="labels"
+        What they are, for the message.
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer, or they are no whole numbers.
+    """
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(
-            f"{n_tracks} tracks need one label each; got shape {labels.shape}"
+            f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
         )
     if not labels.size:
         return labels.astype(int)  # an empty list has no integers
     if labels.dtype.kind not in "iu":
-        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
+        raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
     return labels

@@ -18,9 +18,9 @@ from .._core.graph.spectral import cluster_features
 from .._core.labels import canonical_labels
 from .._parallel.threads import single_threaded
 from .._utils.colours import ERROR_MAP, series_colour
+from .._utils.validation import check_label_each
 from ..metrics import misclassification_error
 from ._drawing import (
-    check_labels,
     check_names,
     count_motions,
     figure_and_ax,
@@ -263,7 +263,9 @@ def _check_sequences(X, y):
     """Affinities and labels of each sequence."""
     if not len(X) or len(X) != len(y):
         raise ValueError(f"got {len(X)} stacked affinities and {len(y)} label arrays")
-    return [(x, check_labels(labels, len(x))) for x, labels in zip(X, y, strict=True)]
+    return [
+        (x, check_label_each(labels, len(x))) for x, labels in zip(X, y, strict=True)
+    ]
 
 
 def _errors_by_weight(clusterer, parameter, weights, sequences):
@@ -305,7 +307,7 @@ def _check_values(values):
 
 
 def _mean_errors(errors, n_values, name):
-    """Percent, the mean over sequences, one a value."""
+    """Percent, the mean over sequences, one per value."""
     errors = np.asarray(errors, dtype=float)
     if errors.ndim not in (1, 2) or len(errors) != n_values:
         raise ValueError(
@@ -482,7 +484,7 @@ class GridDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If there is not an error a pair of values. Nothing is drawn then.
+            If there is not one error per pair of values. Nothing is drawn then.
         """
         errors = 100 * np.asarray(self.errors, dtype=float)
         shape = len(self.y_values), len(self.x_values)

@@ -56,7 +56,7 @@ def all_frames_but(X, *frames):
 
 
 def assert_valid(labels, n_tracks):
-    """One whole number a track: -1, or 0, 1, ... from the largest motion down."""
+    """One whole number per track: -1, or 0, 1, ... from the largest motion down."""
     assert labels.shape == (n_tracks,)
     assert labels.dtype.kind == "i"
     assert labels.min() >= -1

@@ -67,7 +67,7 @@ REFUSALS = {
 
 
 def assert_labels(labels, n_tracks, most):
-    """A whole number a track: -1, or 0, 1, ... from the largest motion down."""
+    """A whole number per track: -1, or 0, 1, ... from the largest motion down."""
     assert isinstance(labels, np.ndarray)
     assert labels.shape == (n_tracks,)
     assert labels.dtype.kind == "i"
