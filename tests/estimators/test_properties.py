@@ -450,7 +450,7 @@ PIECES = [
 def test_an_answer_or_an_error_that_says_why(name, record_property):
     n_cases = round(SUBJECTS[name].share * CASES["short"])
     if name == "MotionSegmenter":  # whose cases take a hundred times as long
-        n_cases = min(n_cases, 120)
+        n_cases = min(n_cases, 80)
     record_property("outcomes", run_cases(name, n_cases))
 
 
