@@ -122,20 +122,20 @@ def test_labels_do_not_depend_on_the_jobs(scene, fitted, n_jobs):
 
 
 def test_all_tracks_as_landmarks_are_the_exact_fit(scene):
-    X = scene[0][:100]
+    X = scene[0][:60]
     exact, all_of_them = (
         MotionSegmenter(3, n_landmarks=n, n_hypotheses=100, random_state=0).fit(X)
-        for n in (None, 100)
+        for n in (None, 60)
     )
     assert_array_equal(exact.labels_, all_of_them.labels_)
-    assert_array_equal(exact.landmarks_, np.arange(100))
+    assert_array_equal(exact.landmarks_, np.arange(60))
 
 
 def test_a_track_seen_once_is_placed_nowhere(scene):
     X = scene[0].copy()
     X[7, 2:] = np.nan
-    segmenter = MotionSegmenter(3, n_landmarks=100, n_hypotheses=50, random_state=0)
-    assert segmenter.fit(X[:200]).labels_[7] == -1
+    segmenter = MotionSegmenter(3, n_landmarks=60, n_hypotheses=50, random_state=0)
+    assert segmenter.fit(X[:120]).labels_[7] == -1
 
 
 def test_tracks_seen_in_no_consecutive_frames_are_placed_by_affinities(scene):

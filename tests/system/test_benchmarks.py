@@ -258,7 +258,7 @@ def test_other_processes_see_the_value_too():
 
 
 def test_fits_that_are_known_are_those_of_the_setting():
-    clip = scenes.clip_like(45, 5, random_state=0)
+    clip = scenes.clip_like(45, 3, random_state=0)
     together = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, _settings())
     for setting, row in zip(_settings(), together, strict=True):
         (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, [setting])
