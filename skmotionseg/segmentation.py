@@ -30,7 +30,7 @@ from ._core.geometry.tracks import (
 from ._core.graph.clustering import cluster_graph
 from ._core.graph.fusion import check_fusion
 from ._core.graph.spectral import connected_tracks
-from ._core.labels import canonical_labels
+from ._core.labels import canonical_labels, follow_pairs
 from ._core.partition.motions import fit_motions
 from ._core.partition.scene import background_motion
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
@@ -44,7 +44,7 @@ from ._segmenter.long_clips import (
 )
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import label_reasons, motions_in_pixels
-from ._segmenter.report import SegmentationReport, follow_pairs, make_report
+from ._segmenter.report import SegmentationReport, make_report
 from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
     ALL_MODELS,

@@ -63,7 +63,7 @@ def clips():
 def test_every_class_is_discovered():
     kinds = {name.partition(".")[0] for name in BENCHMARKS}
     assert kinds == {
-        *("Branch", "Fusion", "Selection"),
+        *("View", "Fusion", "Selection"),
         *("Segmenter", "Placing", "ManyTracks", "ManyFrames"),
     }
 
@@ -81,7 +81,7 @@ def test_runner_gives_median_least_and_most():
 
 def test_peak_memory_is_that_of_a_fresh_process():
     held = np.ones(2**25)
-    row = runner.run(BENCHMARKS["Branch.peakmem_branch"], 1)
+    row = runner.run(BENCHMARKS["View.peakmem_view"], 1)
     ours = measuring.peak_memory()
     assert 10e6 < row["peak"] < ours - held.nbytes / 2
 
