@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator
 
+from .._core.graph.cuts import partition_costs
 from .._core.labels import canonical_labels
 from .._utils.colours import series_colour
 from .._utils.optional import require
 from .._utils.validation import check_label_each
-from ..model_selection import NCREModelSelector, partition_costs
+from ..model_selection import NCREModelSelector
 from ._drawing import (
     count_motions,
     figure_and_ax,
