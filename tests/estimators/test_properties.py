@@ -2,8 +2,8 @@
 
 The arrays are made by track_strategies.py. Each estimator has a contract here, and a
 list of refusals: which of them is due is worked out from the arrays, not read off the
-error. ``pytest`` looks at nearly four hundred cases, ``pytest -m long`` at twenty thousand,
-from fixed seeds, and says at the end what came of them.
+error. ``pytest`` looks at nearly four hundred cases, ``pytest -m long`` at twenty
+thousand, from fixed seeds, and says at the end what came of them.
 """
 
 from __future__ import annotations
