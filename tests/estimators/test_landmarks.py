@@ -16,13 +16,13 @@ from skmotionseg.metrics import misclassification_error
 
 @pytest.fixture(scope="module")
 def scene():
-    """500 tracks: a background and two motions."""
-    return make_rigid_motions(500, 5, 3, missing=0.1, random_state=0)
+    """800 tracks: a background and two motions."""
+    return make_rigid_motions(800, 5, 3, missing=0.1, random_state=0)
 
 
 @pytest.fixture(scope="module")
 def fitted(scene):
-    return MotionSegmenter(3, n_landmarks=100, n_hypotheses=100, random_state=0).fit(
+    return MotionSegmenter(3, n_landmarks=160, n_hypotheses=100, random_state=0).fit(
         scene[0]
     )
 
@@ -49,7 +49,7 @@ def test_of_a_long_clip_every_so_many_frame_pairs_place_the_others():
     assert misclassification_error(y[80:], segmenter.predict(X[80:])) < 0.05
 
 
-@pytest.mark.parametrize("value", [0, -1, 501, 2.5, "all"])
+@pytest.mark.parametrize("value", [0, -1, 801, 2.5, "all"])
 def test_bad_numbers_are_errors(scene, value):
     segmenter = MotionSegmenter(n_landmarks=value)
     with pytest.raises(ValueError, match=rf"n_landmarks.*{value}"):
@@ -76,7 +76,7 @@ def test_landmarks_that_share_no_frame_are_named_in_the_error(monkeypatch):
 
 def test_tracks_that_are_not_fitted_are_placed(scene, fitted):
     X, y = scene
-    assert len(fitted.landmarks_) == 100
+    assert len(fitted.landmarks_) == 160
     assert fitted.labels_.shape == y.shape
     assert misclassification_error(y, fitted.labels_) < 0.02
     assert fitted.candidate_labels_.shape == (1, len(X))
@@ -143,8 +143,8 @@ def test_tracks_seen_in_no_consecutive_frames_are_placed_by_affinities(scene):
     X = X.copy().reshape(len(X), -1, 2)
     X[::5, 1::2] = np.nan
     segmenter = MotionSegmenter(
-        3, n_landmarks=100, n_hypotheses=200, frame_gap=2, random_state=0
+        3, n_landmarks=160, n_hypotheses=200, frame_gap=2, random_state=0
     ).fit(X.reshape(len(X), -1))
     others = np.setdiff1d(np.arange(0, len(X), 5), segmenter.landmarks_)
-    assert len(others) > 60
+    assert len(others) > 80
     assert misclassification_error(y[others], segmenter.labels_[others]) < 0.1
