@@ -16,7 +16,7 @@ MODELS = ("affine", "homography", "fundamental")
 FUSIONS = ("kernel_addition", "coreg", "subset")
 
 
-class Branch:
+class View:
     """One model: from tracks to residuals to affinities, and new tracks likewise."""
 
     params = [MODELS, (200, 1000), (10, 40), (100, 500)]
@@ -40,7 +40,7 @@ class Branch:
     def time_new_tracks(self, *_):
         self.kernel.transform(self.sampler.transform(self.tracks))
 
-    def peakmem_branch(self, *_):
+    def peakmem_view(self, *_):
         self.kernel.fit_transform(self.sampler.fit_transform(self.tracks))
 
 

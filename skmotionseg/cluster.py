@@ -14,13 +14,12 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, check_non_negative
 
 from ._core.graph.clustering import cluster_connected, labels_of_all
-from ._core.graph.fusion import bind_fusion
+from ._core.graph.fusion import bind_fusion, check_fusion
 from ._core.graph.kmeans import nearest_centres
 from ._core.graph.spectral import ViewGraph, cluster_features, extend_embedding
 from ._parallel.engine import thread_map
 from ._parallel.threads import single_threaded
 from ._utils.validation import (
-    check_fusion,
     check_n_groups,
     read_affinities,
     read_matrix,
@@ -188,7 +187,6 @@ default="kernel_addition"
 
     def _fuse(self):
         """The fusion with its weights, as a function of a graph."""
-        check_fusion(self.fusion)
         return bind_fusion(
             self.fusion,
             lam=self.lam,

@@ -14,7 +14,7 @@ from sklearn.utils._param_validation import HasMethods, Interval, StrOptions
 from sklearn.utils.metaestimators import available_if
 from sklearn.utils.validation import check_is_fitted
 
-from ._core.graph.cuts import normalized_cut, reconstruction_error
+from ._core.graph.cuts import partition_costs
 from ._core.graph.eigenvector_rules import (
     ALIGNMENT_TOLERANCE,
     alignment_costs,
@@ -519,25 +519,3 @@ class SelfTuningModelSelector(CountSelector):
 
     def _choose(self, totals):
         return best_aligned(totals)
-
-
-def partition_costs(
-    views: npt.NDArray[np.floating], labels: npt.NDArray[np.integer], delta: float
-) -> npt.NDArray[np.float64]:
-    """Normalised cut, reconstruction error and total of a partition.
-
-    Parameters
-    ----------
-    views : ndarray of shape (n_views, n, n)
-    labels : ndarray of int, shape (n,)
-    delta : float
-
-    Returns
-    -------
-    ndarray of shape (3,)
-        Each summed over the views; the total is the first plus ``delta`` times the
-        second.
-    """
-    cut = sum(normalized_cut(view, labels) for view in views)
-    reconstruction = sum(reconstruction_error(view, labels) for view in views)
-    return np.array([cut, reconstruction, cut + delta * reconstruction])

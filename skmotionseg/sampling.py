@@ -17,11 +17,11 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
 from ._core.geometry.hypotheses import draw_hypotheses, residual_blocks, residual_matrix
-from ._core.geometry.motion_models import MotionModel
-from ._core.geometry.tracks import frame_pairs, working_coordinates
+from ._core.geometry.motion_models import MotionModel, get_motion_model
+from ._core.geometry.tracks import frame_pairs, unpack_tracks, working_coordinates
 from ._parallel.threads import single_threaded
 from ._utils.residuals import Residuals, column_names
-from ._utils.validation import TracksInput, get_motion_model
+from ._utils.validation import TracksInput
 
 
 class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
@@ -119,7 +119,7 @@ default="homography"
             If there are too few frames for ``frame_gap``, or no frame pair in which
             as many tracks are seen as the model needs.
         """
-        return self._fit(*self._read_tracks(X, reset=True))
+        return self._fit(*unpack_tracks(self._read_tracks(X, reset=True)))
 
     def _fit(self, points, visibility, pairs=None):
         """Draw hypotheses for tracks that were read, in those pairs if given."""
@@ -192,7 +192,7 @@ default="homography"
         ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
             As :meth:`transform` gives them.
         """
-        points, visibility = self._read_tracks(X, reset=True)
+        points, visibility = unpack_tracks(self._read_tracks(X, reset=True))
         return self._fit(points, visibility)._residuals(points, visibility)
 
     @single_threaded
@@ -212,7 +212,7 @@ default="homography"
             :class:`ORKKernel`.
         """
         check_is_fitted(self)
-        return self._residuals(*self._read_tracks(X, reset=False))
+        return self._residuals(*unpack_tracks(self._read_tracks(X, reset=False)))
 
     def _residuals(self, points, visibility):
         matrix = residual_matrix(points, visibility, *self._residual_arguments)

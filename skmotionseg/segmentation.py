@@ -28,8 +28,9 @@ from ._core.geometry.tracks import (
     unpack_tracks,
 )
 from ._core.graph.clustering import cluster_graph
+from ._core.graph.fusion import check_fusion
 from ._core.graph.spectral import connected_tracks
-from ._core.labels import canonical_labels
+from ._core.labels import canonical_labels, follow_pairs
 from ._core.partition.motions import fit_motions
 from ._core.partition.scene import background_motion
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
@@ -43,7 +44,7 @@ from ._segmenter.long_clips import (
 )
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import label_reasons, motions_in_pixels
-from ._segmenter.report import SegmentationReport, follow_pairs, make_report
+from ._segmenter.report import SegmentationReport, make_report
 from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
     ALL_MODELS,
@@ -54,7 +55,7 @@ from ._segmenter.views import (
     place_tracks,
     view_seeds,
 )
-from ._utils.validation import TracksInput, check_cacheable, check_fusion
+from ._utils.validation import TracksInput, check_cacheable
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
@@ -377,7 +378,7 @@ estimator, default="description_length"
         if self.kernel is not None:
             self.kernel._validate_params()
         check_cacheable(self.memory, self.random_state, "random_state")
-        tracks = self._read_packed(X, reset=True)
+        tracks = self._read_tracks(X, reset=True)
         self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:
             clip = LongClip(tracks, self.frame_gap + 1)
@@ -613,7 +614,7 @@ estimator, default="description_length"
             hypothesis with a fitted track.
         """
         check_is_fitted(self)
-        tracks = self._read_packed(X, reset=False)
+        tracks = self._read_tracks(X, reset=False)
         if hasattr(self, "windows_"):
             return self._recall(tracks)
         points, visibility = unpack_tracks(tracks)
@@ -708,7 +709,7 @@ estimator, default="description_length"
                 f"there are no reports of clips of more than {LONG_CLIP} frames, in "
                 "which no number of motions is tried for the whole"
             )
-        return make_report(self, *self._read_tracks(X, reset=False))
+        return make_report(self, *unpack_tracks(self._read_tracks(X, reset=False)))
 
 
 class _Stopwatch:

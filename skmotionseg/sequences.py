@@ -24,6 +24,9 @@ from ._utils.validation import as_memory, check_cacheable
 from ._version import __version__
 from .metrics import misclassification_error
 
+# Calls between a search and an estimator, some of them in a pipeline.
+MOST_CALLERS = 20
+
 
 class PerSequence(BaseEstimator):
     """Segment many sequences with one setting: each sample is a whole sequence.
@@ -107,8 +110,10 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         Raises
         ------
         ValueError
-            If ``X`` holds no sequence, or ``y`` not one label per track.
+            If ``X`` holds no sequence, ``y`` not one label per track, or a search
+            scores by a function that compares label arrays.
         """
+        _refuse_scorers_of_tracks()
         sequences = self._read_sequences(X, reset=True)
         seed = self.estimator.get_params().get("random_state", 0)
         check_cacheable(self.memory, seed, "random_state of the estimator")
@@ -215,19 +220,31 @@ def _refuse_scorers_of_tracks():
     """Say what to use where a scorer of scikit-learn is about to compare lists.
 
     It would fail in its own words, or not at all say why, as it cannot know that each
-    sample is a sequence; and there is no other place where it can be told.
+    sample is a sequence. Nobody tells an estimator what it will be scored by; so it is
+    looked up in the calls of scikit-learn that led here. If that is known in ``fit``
+    already, a search in which no setting can be scored fails there, and all that is
+    said is the reason; if in ``predict``, each score is NaN and has a warning.
     """
-    frame: FrameType | None = sys._getframe(2)
-    for _ in range(10):
-        if frame is None:
-            return
-        score = getattr(frame.f_locals.get("self"), "_score_func", None)
+    for scorer in _scorers_of_callers():
+        score = getattr(scorer, "_score_func", None)
         if score is not None and score.__module__.startswith("sklearn."):
             raise ValueError(
                 f"{score.__name__} compares label arrays, and each sample of "
                 "PerSequence is a sequence; use scoring=sequence_scorer("
                 f"{score.__name__!r}) of skmotionseg.metrics, or no scoring"
             )
+
+
+def _scorers_of_callers():
+    """Yield what functions of scikit-learn among the callers are, or score by."""
+    frame: FrameType | None = sys._getframe(2)
+    for _ in range(MOST_CALLERS):
+        if frame is None:
+            return
+        if frame.f_globals.get("__name__", "").startswith("sklearn."):
+            for name in ("self", "scorer"):
+                found = frame.f_locals.get(name)
+                yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
 
 

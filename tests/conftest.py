@@ -20,13 +20,22 @@ with suppress(ImportError):
     import cv2  # noqa: F401
 
 
+@pytest.hookimpl(tryfirst=True)  # before groups become part of names
 def pytest_collection_modifyitems(items):
-    """Mark the tests of slow files, and whatever takes minutes."""
+    """Mark the tests of slow files, and whatever takes minutes.
+
+    A slow file is of one worker, so that what its tests share is computed once; and
+    slow files come first, so that no worker waits for one in the end.
+    """
     here = Path(__file__).parent
     slow = {here / name for name in SLOW}
     for item in items:
         if item.path in slow or item.get_closest_marker("long"):
             item.add_marker("slow")
+        if item.path in slow and not item.get_closest_marker("xdist_group"):
+            name = item.path.relative_to(here).with_suffix("").as_posix()
+            item.add_marker(pytest.mark.xdist_group(name))
+    items.sort(key=lambda item: item.path not in slow)
 
 
 @pytest.fixture(scope="session")

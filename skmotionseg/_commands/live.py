@@ -11,6 +11,7 @@ import numpy as np
 from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import facts_table
+from .label_files import OBSERVATIONS
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
 N_POINTS = 500
@@ -39,7 +40,7 @@ def segment_live(arguments):
         table = None
         if arguments.out is not None:
             table = files.enter_context(replacing(arguments.out))
-            table.write(b"track,frame,x,y,label\n")
+            table.write(f"{OBSERVATIONS[0]}\n".encode())
         labelled = _labelled(frames, segmenter, table, arguments, console)
         if arguments.render is None:
             for _ in labelled:
@@ -86,7 +87,7 @@ def _labelled(frames, segmenter, table, arguments, console):
             if table is not None:
                 columns = ids, np.full(len(ids), number), points, labels
                 rows = np.column_stack(columns)
-                np.savetxt(table, rows, fmt="%d,%d,%.3f,%.3f,%d")
+                np.savetxt(table, rows, fmt=OBSERVATIONS[1])
             yield each.frame, points, labels
     except KeyboardInterrupt:  # how one ends what a camera films
         console.print("stopped", highlight=False)

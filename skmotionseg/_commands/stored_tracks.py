@@ -206,6 +206,11 @@ class StoredClip:
         self.width = float(np.ptp(corners, axis=0).max()) if corners else 0.0
         self.parts = [self._part(*ends) for ends in window_ends(stored.n_frames)]
 
+    @property
+    def size(self):
+        """Width and height of a frame."""
+        return self._stored.size
+
     def frames(self):
         """Yield rows and points of each frame, of the tracks that are kept."""
         for ids, points in self._stored.frames():

@@ -1,4 +1,4 @@
-"""Labels: their canonical order, groups, and votes of neighbours."""
+"""Labels: their canonical order, groups, what became of them, votes of neighbours."""
 
 from __future__ import annotations
 
@@ -28,6 +28,30 @@ def canonical_labels(labels):
     canonical = np.full(len(labels), -1)
     canonical[inside] = rank[inverse]
     return canonical
+
+
+def follow_pairs(pairs, before, after):
+    """Labels of two groups of each partition in partitions that came of them.
+
+    Parameters
+    ----------
+    pairs : ndarray of int, shape (n_partitions, 2), or None
+        Labels in ``before``; -1 stays. None is -1 throughout.
+    before, after : ndarray of int, shape (n_partitions, n)
+        Groups may have been renumbered, and have lost or won tracks.
+
+    Returns
+    -------
+    ndarray of int, shape (n_partitions, 2)
+        What most tracks of each group are labelled after.
+    """
+    followed = np.full((len(before), 2), -1)
+    if pairs is None:
+        return followed
+    for row, side in np.argwhere(pairs >= 0):
+        group = after[row][before[row] == pairs[row, side]]
+        followed[row, side] = np.bincount(group + 1).argmax() - 1
+    return np.sort(followed, axis=1)
 
 
 def nearest_labels(affinity, labels, n_nearest=5):

@@ -10,11 +10,15 @@ from sklearn.base import clone
 from sklearn.utils import gen_batches
 
 from .._core.geometry.coverage import resemblance
-from .._core.geometry.motion_models import MOTION_MODELS, MotionModel
+from .._core.geometry.motion_models import (
+    MOTION_MODELS,
+    MotionModel,
+    get_motion_model,
+)
 from .._core.labels import nearest_votes
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.validation import as_memory, get_motion_model
+from .._utils.validation import as_memory
 from ..kernels import ORKKernel
 from ..sampling import HypothesisSampler
 from .memory import TRACKS_PER_BATCH

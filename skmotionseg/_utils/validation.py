@@ -1,18 +1,13 @@
-"""Reading and checking input: the one place where tracks and models enter."""
+"""Reading and checking input: the one place where matrices and labels enter."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 from sklearn.utils.validation import check_memory, check_non_negative, validate_data
-
-from .._core.geometry.motion_models import MOTION_MODELS, MotionModel
-from .._core.geometry.tracks import unpack_tracks
-from .._core.graph.fusion import FUSIONS
 
 # Where stacked affinities are not square or not symmetric, this is the usual cause.
 OF_A_FOLD = (
@@ -24,15 +19,11 @@ OF_A_FOLD = (
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
 
-    All of them read their input through :meth:`_read_packed` alone.
+    All of them read their input through :meth:`_read_tracks` alone.
     """
 
     def _read_tracks(self, X, *, reset):
-        """Check tracks and unpack them: points, float64, and visibility."""
-        return unpack_tracks(self._read_packed(X, reset=reset))
-
-    def _read_packed(self, X, *, reset):
-        """Check tracks.
+        """Check tracks, and leave them packed.
 
         Parameters
         ----------
@@ -122,39 +113,6 @@ def read_matrix(estimator, X, **checks):
         return validate_data(estimator, X, **checks)
 
 
-def get_motion_model(model: str | MotionModel) -> MotionModel:
-    """A motion model, of itself or of its name.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
-    if isinstance(model, MotionModel):
-        return model
-    if not isinstance(model, str) or model not in MOTION_MODELS:
-        raise ValueError(
-            f"unknown motion model {model!r}; expected a MotionModel or one of "
-            f"{sorted(MOTION_MODELS)}"
-        )
-    return MOTION_MODELS[model]
-
-
-def check_fusion(fusion: str | Callable) -> None:
-    """Refuse what is neither the name of a fusion nor a function.
-
-    Raises
-    ------
-    ValueError
-        If it is another name.
-    """
-    if not callable(fusion) and fusion not in FUSIONS:
-        raise ValueError(
-            f"unknown fusion {fusion!r}; expected a callable or one of "
-            f"{sorted(FUSIONS)}"
-        )
-
-
 def read_affinities(estimator, X):
     """Check stacked affinities for ``fit`` and split them into views.
 
@@ -207,15 +165,30 @@ def check_n_groups(name, count, graph):
         )
 
 
-def check_label_each(labels: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
-    """Labels as an array of integers, if there is one per track."""
+def check_label_each(
+    labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
+) -> npt.NDArray[np.integer]:
+    """Labels as an array of integers, one per track.
+
+    Parameters
+    ----------
+    labels : array-like of int, shape (n_tracks,)
+    n_tracks : int
+    name : str, default="labels"
+        What they are, for the message.
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer, or they are no whole numbers.
+    """
     labels = np.asarray(labels)
     if labels.shape != (n_tracks,):
         raise ValueError(
-            f"{n_tracks} tracks need one label each; got shape {labels.shape}"
+            f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
         )
     if not labels.size:
         return labels.astype(int)  # an empty list has no integers
     if labels.dtype.kind not in "iu":
-        raise ValueError(f"labels must be whole numbers; got dtype {labels.dtype}")
+        raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
     return labels

@@ -14,8 +14,8 @@ from .._core.graph.cuts import reconstruction_error
 from .._core.labels import indicator
 from .._utils.colours import AFFINITY_MAP, OUTLINE_COLOUR
 from .._utils.optional import require
+from .._utils.validation import check_label_each
 from ._drawing import (
-    check_labels,
     check_names,
     count_motions,
     counted,
@@ -146,7 +146,7 @@ class AffinityDisplay:
                 f"the estimator was fitted to {len(last.labels_)} rows; got {len(X)}"
             )
         partitions = _partitions(last, counts)
-        labels = last.labels_ if labels is None else check_labels(labels, len(X))
+        labels = last.labels_ if labels is None else check_label_each(labels, len(X))
         if hasattr(last, "landmarks_"):
             X = np.asarray(X)[last.landmarks_]
             partitions, labels = partitions[:, last.landmarks_], labels[last.landmarks_]
@@ -273,13 +273,13 @@ class AffinityDisplay:
         if not np.isfinite(views).all() or views.min() < 0:
             raise ValueError("affinities must be finite and not negative")
         n = views.shape[1]
-        partitions = [check_labels(p, n, "a partition") for p in self.partitions]
+        partitions = [check_label_each(p, n, "a partition") for p in self.partitions]
         if self.labels is None and not partitions:
             raise ValueError("there must be labels or a partition to sort by; got none")
         labels = partitions[0] if self.labels is None else self.labels
         default = [f"view {v}" for v in range(len(views))]
         names = check_names(self.view_names, len(views), "views", default)
-        return views, partitions, check_labels(labels, n), names
+        return views, partitions, check_label_each(labels, n), names
 
 
 def _order(labels, partitions):

@@ -9,12 +9,13 @@ import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator
 
+from .._core.graph.cuts import partition_costs
 from .._core.labels import canonical_labels
 from .._utils.colours import series_colour
 from .._utils.optional import require
-from ..model_selection import NCREModelSelector, partition_costs
+from .._utils.validation import check_label_each
+from ..model_selection import NCREModelSelector
 from ._drawing import (
-    check_labels,
     count_motions,
     figure_and_ax,
     last_step,
@@ -172,7 +173,7 @@ class CountDisplay:
         """
         views = read_stacked(affinities)
         n = views.shape[1]
-        checked = [check_labels(p, n, "a partition") for p in partitions]
+        checked = [check_label_each(p, n, "a partition") for p in partitions]
         labellings = sorted(map(canonical_labels, checked), key=count_motions)
         counts = np.array([count_motions(p) for p in labellings])
         if not len(counts) or len(set(counts)) < len(counts):

@@ -57,26 +57,6 @@ def last_step(estimator: BaseEstimator) -> Any:
     return estimator[-1] if isinstance(estimator, Pipeline) else estimator
 
 
-def check_labels(
-    labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
-) -> npt.NDArray[np.integer]:
-    """Labels as an array of integers, one per track.
-
-    Raises
-    ------
-    ValueError
-        If they are not.
-    """
-    labels = np.asarray(labels)
-    if labels.shape != (n_tracks,):
-        raise ValueError(
-            f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
-        )
-    if labels.dtype.kind not in "iu":
-        raise ValueError(f"{name} must be integers; got dtype {labels.dtype}")
-    return labels
-
-
 def check_names(
     names: Sequence[str] | None, count: int, what: str, default: Any
 ) -> list[str]:

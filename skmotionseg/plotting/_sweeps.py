@@ -18,9 +18,9 @@ from .._core.graph.spectral import cluster_features
 from .._core.labels import canonical_labels
 from .._parallel.threads import single_threaded
 from .._utils.colours import ERROR_MAP, series_colour
+from .._utils.validation import check_label_each
 from ..metrics import misclassification_error
 from ._drawing import (
-    check_labels,
     check_names,
     count_motions,
     figure_and_ax,
@@ -142,30 +142,10 @@ class FusionWeightDisplay:
             labels do not fit.
         """
         require_pyplot()
-        if clusterer.fusion not in WEIGHTS:
-            raise ValueError(
-                f"fusion must be one of {list(WEIGHTS)}, which have a weight; got "
-                f"{clusterer.fusion!r}"
-            )
-        parameter, symbol = WEIGHTS[clusterer.fusion]
+        parameter, symbol = _weight_of(clusterer.fusion)
         weights = _check_values(values)
-        if not len(X) or len(X) != len(y):
-            raise ValueError(
-                f"got {len(X)} stacked affinities and {len(y)} label arrays"
-            )
-        y = [check_labels(labels, len(x)) for x, labels in zip(X, y, strict=True)]
-
-        def errors_of(value, affinities, labels):
-            params = {parameter: value, "n_clusters": count_motions(labels)}
-            weighted = clone(clusterer).set_params(**params)
-            return _fused_and_view_errors(weighted, affinities, labels)
-
-        # (n_values, n_sequences, 1 + n_views)
-        errors = np.array(
-            [
-                [errors_of(value, *pair) for pair in zip(X, y, strict=True)]
-                for value in weights
-            ]
+        errors = _errors_by_weight(
+            clusterer, parameter, weights, _check_sequences(X, y)
         )
         return cls(
             weights,
@@ -269,6 +249,38 @@ class FusionWeightDisplay:
         return line
 
 
+def _weight_of(fusion):
+    """The parameter that is a fusion's weight, and how it is written."""
+    if fusion not in WEIGHTS:
+        raise ValueError(
+            f"fusion must be one of {list(WEIGHTS)}, which have a weight; got "
+            f"{fusion!r}"
+        )
+    return WEIGHTS[fusion]
+
+
+def _check_sequences(X, y):
+    """Affinities and labels of each sequence."""
+    if not len(X) or len(X) != len(y):
+        raise ValueError(f"got {len(X)} stacked affinities and {len(y)} label arrays")
+    return [
+        (x, check_label_each(labels, len(x))) for x, labels in zip(X, y, strict=True)
+    ]
+
+
+def _errors_by_weight(clusterer, parameter, weights, sequences):
+    """Errors (n_values, n_sequences, 1 + n_views) of the fused result and each view."""
+
+    def errors_of(value, affinities, labels):
+        params = {parameter: value, "n_clusters": count_motions(labels)}
+        weighted = clone(clusterer).set_params(**params)
+        return _fused_and_view_errors(weighted, affinities, labels)
+
+    return np.array(
+        [[errors_of(value, *pair) for pair in sequences] for value in weights]
+    )
+
+
 @single_threaded
 def _fused_and_view_errors(clusterer, affinities, y):
     """The error of the fused result, then that of each view's own embedding."""
@@ -295,7 +307,7 @@ def _check_values(values):
 
 
 def _mean_errors(errors, n_values, name):
-    """Percent, the mean over sequences, one a value."""
+    """Percent, the mean over sequences, one per value."""
     errors = np.asarray(errors, dtype=float)
     if errors.ndim not in (1, 2) or len(errors) != n_values:
         raise ValueError(
@@ -472,7 +484,7 @@ class GridDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If there is not an error a pair of values. Nothing is drawn then.
+            If there is not one error per pair of values. Nothing is drawn then.
         """
         errors = 100 * np.asarray(self.errors, dtype=float)
         shape = len(self.y_values), len(self.x_values)

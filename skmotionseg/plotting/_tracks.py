@@ -15,7 +15,6 @@ from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .._utils.validation import check_label_each
 from ._drawing import (
-    check_labels,
     figure_and_ax,
     last_step,
     legend_below,
@@ -310,7 +309,7 @@ class MotionDisplay:
     def _read(self):
         """Points, visibility, labels, number of the frame and image, all checked."""
         points, visibility = unpack_tracks(self.X)
-        labels = check_labels(self.labels, len(points))
+        labels = check_label_each(self.labels, len(points))
         frame = _check_frame(self.frame, visibility)
         image = _check_image(self.image)
         if not isinstance(self.trail, Integral) or self.trail < 0:

@@ -11,12 +11,12 @@ from skmotionseg._core.graph.cuts import (
     cuts_between,
     normalized_cut,
     own_shares,
+    partition_costs,
     reconstruction_error,
 )
 from skmotionseg._core.labels import (
     indicator,
 )
-from skmotionseg.model_selection import partition_costs
 
 COSTS = [normalized_cut, reconstruction_error]
 

@@ -8,6 +8,7 @@ from numpy.testing import assert_array_equal
 
 from skmotionseg._core.labels import (
     canonical_labels,
+    follow_pairs,
     indicator,
     nearest_labels,
     nearest_votes,
@@ -119,3 +120,11 @@ def test_votes_are_shared():
     )
     assert labels.tolist() == [0, -1]
     np.testing.assert_allclose(shares, [0.75, 0])
+
+
+def test_pairs_follow_their_groups():
+    before = np.array([[0, 0, 0, 1, 1, 2], [0, 0, 0, 1, 1, 2]])
+    after = np.array([[1, 1, -1, 0, 0, 2], [0, 0, 0, -1, -1, 1]])
+    pairs = np.array([[0, 2], [-1, -1]])
+    assert_array_equal(follow_pairs(pairs, before, after), [[1, 2], [-1, -1]])
+    assert_array_equal(follow_pairs(None, before, after), np.full((2, 2), -1))

@@ -11,8 +11,13 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, ClusterMixin
-from sklearn.metrics import adjusted_rand_score, make_scorer
-from sklearn.model_selection import GridSearchCV, KFold, cross_val_score
+from sklearn.metrics import adjusted_rand_score, get_scorer, make_scorer
+from sklearn.model_selection import (
+    GridSearchCV,
+    KFold,
+    cross_val_score,
+    cross_validate,
+)
 from sklearn.pipeline import make_pipeline
 
 from skmotionseg import (
@@ -198,15 +203,29 @@ def test_models_of_a_union_must_be_there(tracks):
 # ------------------------------------------------------------------------------ scorers
 
 
-def test_scorers_of_scikit_learn_say_what_to_use(sequences):
+USE = r"use scoring=sequence_scorer\('adjusted_rand_score'\)"
+
+
+@pytest.mark.parametrize("error_score", [np.nan, "raise"])
+def test_scorers_of_scikit_learn_say_what_to_use(sequences, error_score):
+    """No score is NaN: nothing is fitted, and an error says why."""
     X, y = sequences
     estimator = PerSequence(MotionSegmenter(2, **QUICK))
-    with pytest.raises(
-        ValueError, match=r"use scoring=sequence_scorer\('adjusted_rand_score'\)"
-    ):
-        cross_val_score(
-            estimator, X, y, scoring="adjusted_rand_score", cv=2, error_score="raise"
-        )
+    params = {"scoring": "adjusted_rand_score", "cv": 2, "error_score": error_score}
+    with pytest.raises(ValueError, match=USE):
+        cross_val_score(estimator, X, y, **params)
+    with pytest.raises(ValueError, match=USE):
+        GridSearchCV(estimator, {"estimator__lam": [0.1]}, **params).fit(X, y)
+    several = params | {"scoring": ["adjusted_rand_score", "rand_score"]}
+    with pytest.raises(ValueError, match=USE):
+        cross_validate(make_pipeline("passthrough", estimator), X, y, **several)
+
+
+def test_a_scorer_of_scikit_learn_says_what_to_use(sequences):
+    X, y = sequences
+    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X, y)
+    with pytest.raises(ValueError, match=USE):
+        get_scorer("adjusted_rand_score")(estimator, X, y)
 
 
 @pytest.mark.parametrize("scoring", ["adjusted_rand_score", adjusted_rand_score])

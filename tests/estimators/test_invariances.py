@@ -291,12 +291,14 @@ def unchanged_by_given_sets(n_motions, selection):
 
 
 WAYS = [(3, "description_length"), ("auto", "description_length"), (3, "ncre")]
-every_way = pytest.mark.parametrize(("n_motions", "selection"), WAYS)
 # Of the other axis, or of another scale: what goes wrong with one does with both.
 ALIKE = {"upside down", "half as large", "in another unit"}
 # The steps to a known number are some of those to an unknown one: one of each kind.
 WITH_KNOWN_NUMBER = {"tracks permuted", "time reversed", "mirrored", "rotated"}
 repeats = pytest.mark.long  # what repeats others: the search takes longest
+every_way = pytest.mark.parametrize(
+    ("n_motions", "selection"), [pytest.param(*WAYS[0], marks=repeats), *WAYS[1:]]
+)
 
 
 def every_way_of(names):

@@ -28,8 +28,8 @@ def fitted(scene):
 
 
 def test_a_small_motion_in_a_dense_scene_is_found():
-    X, y = make_rigid_motions(6000, 6, 2, missing=0, random_state=0)
-    small = np.r_[np.flatnonzero(y == 0)[:2940], np.flatnonzero(y == 1)[:60]]
+    X, y = make_rigid_motions(3200, 6, 2, missing=0, random_state=0)
+    small = np.r_[np.flatnonzero(y == 0)[:1568], np.flatnonzero(y == 1)[:32]]
     labels = MotionSegmenter(2, random_state=0).fit_predict(X[small])
     assert misclassification_error(y[small], labels) < 0.002
 
@@ -115,27 +115,27 @@ def test_a_fit_does_not_depend_on_the_batch(scene, fitted, monkeypatch):
     assert_array_equal(segmenter.probabilities_, fitted.probabilities_)
 
 
-@pytest.mark.parametrize("n_jobs", [2, -1])
+@pytest.mark.parametrize("n_jobs", [2, pytest.param(-1, marks=pytest.mark.long)])
 def test_labels_do_not_depend_on_the_jobs(scene, fitted, n_jobs):
     many = MotionSegmenter(**{**fitted.get_params(), "n_jobs": n_jobs})
     assert_array_equal(many.fit(scene[0]).labels_, fitted.labels_)
 
 
 def test_all_tracks_as_landmarks_are_the_exact_fit(scene):
-    X = scene[0][:100]
+    X = scene[0][:60]
     exact, all_of_them = (
         MotionSegmenter(3, n_landmarks=n, n_hypotheses=100, random_state=0).fit(X)
-        for n in (None, 100)
+        for n in (None, 60)
     )
     assert_array_equal(exact.labels_, all_of_them.labels_)
-    assert_array_equal(exact.landmarks_, np.arange(100))
+    assert_array_equal(exact.landmarks_, np.arange(60))
 
 
 def test_a_track_seen_once_is_placed_nowhere(scene):
     X = scene[0].copy()
     X[7, 2:] = np.nan
-    segmenter = MotionSegmenter(3, n_landmarks=100, n_hypotheses=50, random_state=0)
-    assert segmenter.fit(X[:200]).labels_[7] == -1
+    segmenter = MotionSegmenter(3, n_landmarks=60, n_hypotheses=50, random_state=0)
+    assert segmenter.fit(X[:120]).labels_[7] == -1
 
 
 def test_tracks_seen_in_no_consecutive_frames_are_placed_by_affinities(scene):

@@ -32,7 +32,7 @@ every_count = pytest.mark.parametrize("n_motions", [2, "auto"])
 def two_motions():
     """Two motions, all of them seen in 7 frames: (X, y)."""
     return make_rigid_motions(
-        n_tracks=80, n_frames=7, n_motions=2, missing=0, random_state=1
+        n_tracks=60, n_frames=7, n_motions=2, missing=0, random_state=1
     )
 
 
@@ -56,7 +56,7 @@ def all_frames_but(X, *frames):
 
 
 def assert_valid(labels, n_tracks):
-    """One whole number a track: -1, or 0, 1, ... from the largest motion down."""
+    """One whole number per track: -1, or 0, 1, ... from the largest motion down."""
     assert labels.shape == (n_tracks,)
     assert labels.dtype.kind == "i"
     assert labels.min() >= -1
@@ -221,7 +221,7 @@ def test_a_stray_track_belongs_to_no_cluster(with_a_stray, fusion):
 )
 def test_a_stray_track_is_not_placed_either(with_a_stray, two_motions, estimator):
     stray = with_a_stray[0][[11]]
-    X = hide(two_motions[0], np.arange(80), [5, 6])
+    X = hide(two_motions[0], np.arange(60), [5, 6])
     assert_array_equal(clone(estimator).fit(X).predict(stray), [-1])
 
 
@@ -261,7 +261,7 @@ def test_degenerate_points_get_valid_labels(points, n_motions, selection):
 @every_selection
 def test_a_still_camera(selection):
     X, y = make_rigid_motions(
-        100, 8, n_motions=2, camera="still", missing=0.2, random_state=0
+        60, 6, n_motions=2, camera="still", missing=0.2, random_state=0
     )
     labels = MotionSegmenter(2, selection=selection, **SMALL).fit_predict(X)
     assert misclassification_error(y, labels) < 0.05
@@ -278,10 +278,10 @@ def test_one_motion_is_all_zeros(one_motion, selection):
 @every_selection
 @pytest.mark.parametrize("noise", [0, 0.5])
 def test_identical_tracks_get_the_same_label(noise, selection):
-    X, _ = make_rigid_motions(n_tracks=80, n_frames=4, noise=noise, random_state=0)
+    X, _ = make_rigid_motions(n_tracks=50, n_frames=4, noise=noise, random_state=0)
     segmenter = MotionSegmenter(3, selection=selection, **SMALL)
     labels = segmenter.fit_predict(np.vstack([X, X]))
-    assert_array_equal(labels[:80], labels[80:])
+    assert_array_equal(labels[:50], labels[50:])
 
 
 @every_selection

@@ -48,6 +48,12 @@ def played(movie):
     return play(movie)
 
 
+@pytest.fixture(scope="module")
+def half(movie):
+    """A segmenter that has seen the first twenty frames, pickled."""
+    return pickle.dumps(play(movie, frames=range(20))[2])
+
+
 def test_identities_last(movie, played):
     table, events, segmenter = played
     assert kinds(events) == ["start"]
@@ -80,7 +86,9 @@ def test_result_has_all_tracks(movie, played):
     assert_array_equal(found.labels[started], last[started])
 
 
-@pytest.mark.parametrize("pieces", [range(40), (3, 9, 10, 27)])
+@pytest.mark.parametrize(
+    "pieces", [range(40), pytest.param((3, 9, 10, 27), marks=pytest.mark.long)]
+)
 def test_pickled_pieces_give_the_same_labels(movie, played, pieces):
     table, events, segmenter = play(movie, pieces=pieces)
     assert_array_equal(table, played[0])
@@ -153,9 +161,8 @@ def test_empty_frames_are_survived(movie, played):
     assert ((table[22:] == things) | (table[22:] == -2)).mean() > 0.97
 
 
-def test_frame_out_of_nowhere_is_survived(movie):
-    segmenter = OnlineMotionSegmenter(random_state=0)
-    play(movie, segmenter, range(20))
+def test_frame_out_of_nowhere_is_survived(movie, half):
+    segmenter = pickle.loads(half)
     stray, ids = np.random.default_rng(1).uniform(0, 400, (50, 2)), np.arange(50) + 9000
     labels = segmenter.update(stray, ids)
     assert (labels == -1).all()
@@ -165,9 +172,8 @@ def test_frame_out_of_nowhere_is_survived(movie):
     assert ((table == movie.things) | (table == -2)).mean() > 0.97
 
 
-def test_after_a_cut_numbers_are_new_but_that_of_the_scene(movie):
-    segmenter = OnlineMotionSegmenter(random_state=0)
-    play(movie, segmenter, range(20))
+def test_after_a_cut_numbers_are_new_but_that_of_the_scene(half):
+    segmenter = pickle.loads(half)
     other = film(n_frames=20, seed=5)
     labels, events = [], []
     for frame in range(20):
@@ -231,10 +237,10 @@ def test_too_few_tracks_to_begin_with_are_of_no_motion():
 
 @pytest.mark.slow
 def test_memory_does_not_depend_on_the_number_of_frames():
-    movie = film(n_frames=160, n_static=500, n_moving=160, life=22)
+    movie = film(n_frames=120, n_static=300, n_moving=100, life=22)
     segmenter, sizes = OnlineMotionSegmenter(random_state=0), []
-    for frame in range(160):
+    for frame in range(120):
         segmenter.update(*movie.frame(frame))
         in_view = len(segmenter._stream.buffer.ids)
         sizes.append(len(pickle.dumps(segmenter)) / in_view)
-    assert np.mean(sizes[140:]) < 1.1 * np.mean(sizes[30:50])
+    assert np.mean(sizes[100:]) < 1.1 * np.mean(sizes[30:50])

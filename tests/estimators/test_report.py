@@ -23,7 +23,6 @@ from skmotionseg._core.geometry.model_choice import (
 from skmotionseg._core.geometry.motion_models import MOTION_MODELS
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.search import count_probabilities
-from skmotionseg._segmenter.report import follow_pairs
 from skmotionseg.datasets import make_rigid_motions
 
 MODELS = [name for name, *_ in EXPLAINING_MODELS]
@@ -331,14 +330,6 @@ def test_a_near_tie_is_said_in_words(reported):
 def test_counts_are_as_likely_as_their_motions_are_different(log_odds, expected):
     found = count_probabilities(np.arange(1, 4), np.array(log_odds))
     assert_allclose(found, expected, atol=1e-12)
-
-
-def test_pairs_follow_their_groups():
-    before = np.array([[0, 0, 0, 1, 1, 2], [0, 0, 0, 1, 1, 2]])
-    after = np.array([[1, 1, -1, 0, 0, 2], [0, 0, 0, -1, -1, 1]])
-    pairs = np.array([[0, 2], [-1, -1]])
-    assert_array_equal(follow_pairs(pairs, before, after), [[1, 2], [-1, -1]])
-    assert_array_equal(follow_pairs(None, before, after), np.full((2, 2), -1))
 
 
 def test_a_single_count_was_the_only_one_tried():

@@ -63,7 +63,7 @@ def test_one_motion_is_an_answer(shapes, camera, seed):
 
 @pytest.mark.parametrize("seed", [0, further_seed(1), further_seed(2)])
 def test_three_motions_are_found_with_their_number_unknown(seed):
-    X, y = make_rigid_motions(n_frames=8, random_state=seed)
+    X, y = make_rigid_motions(n_tracks=200, n_frames=8, random_state=seed)
     segmenter = MotionSegmenter(n_hypotheses=200, random_state=seed).fit(X)
     assert segmenter.n_motions_ == 3
     assert misclassification_error(y, segmenter.labels_) < 0.01

@@ -36,7 +36,7 @@ def spread(X):
 
 
 class ReadsAnyMatrix:
-    def _read_packed(self, X, *, reset):
+    def _read_tracks(self, X, *, reset):
         X = validate_data(
             self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
         )

@@ -22,8 +22,8 @@ from sklearn.utils import Bunch
 
 import skmotionseg
 from skmotionseg import save_motions
+from skmotionseg._commands import label_files
 from skmotionseg._commands.console import save_figure
-from skmotionseg._commands.segment import _write_labels
 from skmotionseg._utils import writing as _writing
 
 matplotlib.use("Agg")
@@ -34,7 +34,7 @@ X = np.arange(240.0).reshape(20, 12) % 97
 
 def write_labels(path, version):
     sequence = Bunch(data=X + version, track_ids=np.arange(20), video={})
-    _write_labels(path, sequence, np.full(20, version))
+    label_files.write_labels(path, sequence, np.full(20, version))
 
 
 def write_motions(path, version):

@@ -9,7 +9,7 @@ from pathlib import Path
 from skmotionseg import MotionSegmenter
 from skmotionseg.datasets import make_rigid_motions
 
-WARM_UP = 10  # pools and caches of the libraries fill once
+WARM_UP = 4  # pools and caches of the libraries fill once
 
 
 def resident():

@@ -3,6 +3,7 @@
 SLOW = {
     "core/test_edge_numbers.py",
     "estimators/test_conformance.py",
+    "estimators/test_interface.py",
     "estimators/test_invariances.py",
     "estimators/test_landmarks.py",
     "estimators/test_missing_data.py",
@@ -12,6 +13,7 @@ SLOW = {
     "estimators/test_report.py",
     "estimators/test_segmenter.py",
     "estimators/test_sweeps.py",
+    "estimators/test_two_images.py",
     "io/test_damaged_files.py",
     "io/test_plotting.py",
     "io/test_writing.py",

@@ -668,7 +668,7 @@ def case(name, call, words, error=ValueError):
         case(
             "motions, halves",
             lambda: MotionDisplay.from_predictions(X0, Y0 / 2),
-            "labels must be integers; got dtype float64",
+            "labels must be whole numbers; got dtype float64",
         ),
         case(
             "motions, frame",

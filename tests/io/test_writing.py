@@ -130,7 +130,7 @@ def test_every_writer_of_the_package_replaces():
                 n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)
             }
             assert any(m and m.endswith("_utils.writing") for m in modules), path
-    assert writers >= {"export.py", "_rendering.py", "console.py", "segment.py"}
+    assert writers >= {"export.py", "_rendering.py", "console.py", "label_files.py"}
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")

@@ -63,7 +63,7 @@ def clips():
 def test_every_class_is_discovered():
     kinds = {name.partition(".")[0] for name in BENCHMARKS}
     assert kinds == {
-        *("Branch", "Fusion", "Selection"),
+        *("View", "Fusion", "Selection"),
         *("Segmenter", "Placing", "ManyTracks", "ManyFrames"),
     }
 
@@ -81,7 +81,7 @@ def test_runner_gives_median_least_and_most():
 
 def test_peak_memory_is_that_of_a_fresh_process():
     held = np.ones(2**25)
-    row = runner.run(BENCHMARKS["Branch.peakmem_branch"], 1)
+    row = runner.run(BENCHMARKS["View.peakmem_view"], 1)
     ours = measuring.peak_memory()
     assert 10e6 < row["peak"] < ours - held.nbytes / 2
 
@@ -258,7 +258,7 @@ def test_other_processes_see_the_value_too():
 
 
 def test_fits_that_are_known_are_those_of_the_setting():
-    clip = scenes.clip_like(45, 5, random_state=0)
+    clip = scenes.clip_like(45, 3, random_state=0)
     together = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, _settings())
     for setting, row in zip(_settings(), together, strict=True):
         (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, [setting])

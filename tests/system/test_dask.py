@@ -34,6 +34,7 @@ from skmotionseg.datasets import make_rigid_motions
 distributed = pytest.importorskip(
     "distributed", reason="dask's distributed is not installed"
 )
+dask_config = pytest.importorskip("dask.config")
 
 pytestmark = pytest.mark.xdist_group("dask")  # one cluster is enough
 
@@ -44,7 +45,11 @@ DOOMED = 31  # tracks of the sequence that kills
 
 @pytest.fixture(scope="module")
 def cluster():
+    # On a busy machine a worker that was killed takes longer to come back than a
+    # cluster waits before it gives it up for good.
+    patience = {"distributed.deploy.lost-worker-timeout": "10 minutes"}
     with (
+        dask_config.set(patience),
         distributed.LocalCluster(
             n_workers=2,
             threads_per_worker=1,
@@ -256,7 +261,7 @@ def test_a_task_that_cannot_be_sent_is_named(sequences, dask):
 def test_a_sequence_that_fails_is_named(sequences, dask):
     X, _ = sequences
     X = [*X, np.ones((30, 9))]
-    estimator = PerSequence(MotionSegmenter(2, **SMALL)).fit(X)
+    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
     with pytest.raises(ValueError, match="got 9 columns") as caught:
         estimator.predict(X)
     assert "while segmenting sequence 5" in caught.value.__notes__
@@ -268,7 +273,7 @@ def test_a_sequence_that_kills_every_worker_is_named(
 ):
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
     X, _ = sequences
-    estimator = PerSequence(Dies(MotionSegmenter(2, **SMALL), DOOMED)).fit(X)
+    estimator = PerSequence(Dies(MotionSegmenter(2, **QUICK), DOOMED)).fit(X)
     with pytest.raises(distributed.KilledWorker) as caught:
         estimator.predict(X)
     # Another one may have been on the same worker each time.

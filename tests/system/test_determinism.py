@@ -46,7 +46,7 @@ def found(tmp_path_factory):
 def test_every_setting_was_tried(found):
     assert len(found) == 6
     for group, settings in found.items():
-        engines = 2 if group == "description_length, n_landmarks=50" else 0
+        engines = 2 if group == "description_length, n_landmarks=42" else 0
         expected = 3 if group in ("pipeline", "sequences") else 3 + 1 + engines
         assert len(settings) == 2 * expected
 

@@ -111,7 +111,7 @@ def test_native_pools_are_at_one_thread(engine, sequences):
 @every_engine
 def test_a_sequence_that_fails_is_named(engine, sequences):
     X = [*sequences[0], np.ones((30, 9))]
-    estimator = PerSequence(MotionSegmenter(2, **SMALL)).fit(X)
+    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
     with pytest.raises(ValueError, match="got 9 columns") as caught:
         with_engine(engine, lambda: estimator.predict(X))
     assert "while segmenting sequence 3" in caught.value.__notes__

@@ -22,47 +22,43 @@ def clips(real_data):
 
 
 @pytest.fixture(scope="module")
-def of_known_count():
-    """Fit a whole clip whose number of motions is known; each clip once."""
+def of_whole():
+    """Fit a whole clip, as it comes; each clip once."""
     fitted = {}
 
     def fit(clip):
         if clip.name not in fitted:
-            n_motions = len(np.unique(clip.target))
-            segmenter = MotionSegmenter(n_motions, random_state=0)
-            fitted[clip.name] = segmenter.fit(clip.data)
+            fitted[clip.name] = MotionSegmenter(random_state=0).fit(clip.data)
         return fitted[clip.name]
 
     return fit
 
 
-def test_motions_of_a_driving_camera_are_found(clips):
+def test_motions_of_a_driving_camera_are_found(clips, of_whole):
     for clip in clips:
-        segmenter = MotionSegmenter(random_state=0).fit(clip.data)
+        segmenter = of_whole(clip)
         assert segmenter.n_motions_ == len(np.unique(clip.target))
         assert misclassification_error(clip.target, segmenter.labels_) < 0.02
 
 
-def test_tracks_left_out_of_fit_land_in_their_motion(clips, of_known_count):
+def test_tracks_left_out_of_fit_land_in_their_motion(clips, of_whole):
     for clip in clips:
         n_motions = len(np.unique(clip.target))
         shuffled = np.random.RandomState(0).permutation(len(clip.data))
         fitted, left_out = shuffled[::2], shuffled[1::2]
-        whole = of_known_count(clip).labels_
+        whole = of_whole(clip).labels_
         segmenter = MotionSegmenter(n_motions, random_state=0)
         placed = segmenter.fit(clip.data[fitted]).predict(clip.data[left_out])
         error = misclassification_error(clip.target[left_out], placed)
         assert error <= misclassification_error(clip.target, whole) + 0.015
 
 
-def test_the_least_sure_tenth_of_the_tracks_holds_most_errors(
-    real_data, of_known_count
-):
+def test_the_least_sure_tenth_of_the_tracks_holds_most_errors(real_data, of_whole):
     names = ("Seq009_Clip02", "Seq038_Clip02", "Seq113_Clip01")
     shares = []
     for clip in load_kt3dmoseg(real_data / "KT3DMoSeg"):
         if clip.name in names:
-            segmenter = of_known_count(clip)
+            segmenter = of_whole(clip)
             wrong = mistaken(clip.target, segmenter.labels_)
             least = np.argsort(segmenter.probabilities_)[: len(wrong) // 10]
             shares.append(wrong[least].sum() / wrong.sum())

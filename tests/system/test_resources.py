@@ -115,7 +115,8 @@ def run(*arguments):
     assert main(arguments) == 0, arguments
 run("demo", "--out", "demo.png")
 run("segment", "tracks.npz", "--render", "motions.png", "--out", "labels.csv")
-run("bench", "--data", "data", "--seeds", "1", "--jobs", "1", "--resume", "journal")
+options = ("--data", "data", "--methods", "default", "--seeds", "1", "--jobs", "1")
+run("bench", *options, "--resume", "journal")
 try:
     import cv2
 except ImportError:

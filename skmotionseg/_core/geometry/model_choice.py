@@ -45,8 +45,8 @@ class ModelChoice:
         "affine", "homography" or "fundamental"; None if no frame pair sees eight of
         the tracks.
     lengths : dict of str to float
-        Nats an observation to describe the group by each model, in pairs that see eight
-        tracks; empty if there is none.
+        Nats per observation to describe the group by each model, in pairs that see
+        eight tracks; empty if there is none.
     residuals : ndarray of shape (n_judged,)
         Distance of each track that such a pair sees from the model, lower median over
         the pairs, in pixels.

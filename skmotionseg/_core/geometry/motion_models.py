@@ -603,3 +603,21 @@ MOTION_MODELS: Mapping[str, MotionModel] = MappingProxyType(
         )
     }
 )
+
+
+def get_motion_model(model: str | MotionModel) -> MotionModel:
+    """A motion model, of itself or of its name.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    if isinstance(model, MotionModel):
+        return model
+    if not isinstance(model, str) or model not in MOTION_MODELS:
+        raise ValueError(
+            f"unknown motion model {model!r}; expected a MotionModel or one of "
+            f"{sorted(MOTION_MODELS)}"
+        )
+    return MOTION_MODELS[model]

@@ -103,3 +103,23 @@ def reconstruction_error(affinity, labels):
     affinity = affinity / (largest if largest > 0 else 1)  # squares must not overflow
     norms = np.sqrt(np.sum(X.sum(axis=0) ** 2)) * np.linalg.norm(affinity)
     return float(2 - 2 * np.sum(X * (affinity @ X)) / norms) if norms > 0 else 2.0
+
+
+def partition_costs(views, labels, delta):
+    """Normalised cut, reconstruction error and total (Xu, Cheong and Li 2021, eq. 13).
+
+    Parameters
+    ----------
+    views : ndarray of shape (n_views, n, n)
+    labels : ndarray of int, shape (n,)
+    delta : float
+
+    Returns
+    -------
+    ndarray of shape (3,)
+        Each summed over the views; the total is the first plus ``delta`` times the
+        second.
+    """
+    cut = sum(normalized_cut(view, labels) for view in views)
+    reconstruction = sum(reconstruction_error(view, labels) for view in views)
+    return np.array([cut, reconstruction, cut + delta * reconstruction])

@@ -169,6 +169,21 @@ FUSIONS: Mapping[str, Callable[..., Fusion]] = MappingProxyType(
 )
 
 
+def check_fusion(fusion: str | Callable) -> None:
+    """Refuse what is neither the name of a fusion nor a function.
+
+    Raises
+    ------
+    ValueError
+        If it is another name.
+    """
+    if not callable(fusion) and fusion not in FUSIONS:
+        raise ValueError(
+            f"unknown fusion {fusion!r}; expected a callable or one of "
+            f"{sorted(FUSIONS)}"
+        )
+
+
 def bind_fusion(fusion, *, lam, gamma, max_iter, tol):
     """A function ``(graph, n_clusters) -> Fusion``, of a name or a user's function.
 
@@ -185,7 +200,13 @@ def bind_fusion(fusion, *, lam, gamma, max_iter, tol):
     Returns
     -------
     callable
+
+    Raises
+    ------
+    ValueError
+        As :func:`check_fusion`.
     """
+    check_fusion(fusion)
     if callable(fusion):
         return partial(_fuse_by, fusion)
     return partial(FUSIONS[fusion], lam=lam, gamma=gamma, max_iter=max_iter, tol=tol)

@@ -1,0 +1,101 @@
+"""What ``skmotionseg segment`` prints: facts, motions, and why there are so many."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+from .._segmenter.report import how_sure, pixels
+from .._utils.colours import motion_colour
+from .._utils.optional import require
+from .console import facts_table, stage_facts, track_facts
+
+
+def print_findings(console, arguments, sequence, segmenter):
+    """Print what was found in tracks, and where it was written.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    arguments : argparse.Namespace
+        Of ``skmotionseg segment``.
+    sequence : Bunch
+        Tracks, true labels or None, and ``seconds`` of what was done with them.
+    segmenter : MotionSegmenter
+        Fitted to the tracks.
+    """
+    from ..metrics import misclassification_error
+
+    labels = segmenter.labels_
+    facts = [
+        *track_facts(sequence.data),
+        ("motions found", str(segmenter.n_motions_)),
+    ]
+    if sequence.target is not None and (sequence.target >= 0).any():
+        error = misclassification_error(sequence.target, labels)
+        facts.append(("misclassification", f"{error:.2%}"))
+    facts += stage_facts(segmenter)
+    for stage, seconds in sequence.seconds.items():
+        facts.append((f"seconds {stage}", f"{seconds:.3f}"))
+    console.print(facts_table(arguments.file.name, facts))
+    if not hasattr(segmenter, "windows_"):
+        report = segmenter.report(sequence.data)
+        console.print(_motion_table(report))
+        if len(report.counts) > 1:
+            console.print(_count_table(report))
+    files = {
+        "labels": arguments.out,
+        "picture": arguments.render,
+        "masks": arguments.masks,
+        "static masks": arguments.static_masks,
+        "prompts": arguments.prompts,
+        "viewer": arguments.viewer,
+        "report": arguments.report,
+    }
+    for name, path in files.items():
+        if path is not None:
+            console.print(f"{name}: {path}", highlight=False)
+
+
+def _motion_table(report):
+    """A row per motion, and one for the tracks of none."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("motion", "tracks", "share", "frames", "colour"):
+        table.add_column(title, justify="right")
+    table.add_column("model")
+    table.add_column("residual", justify="right")
+    for motion in report.motions:
+        table.add_row(
+            str(motion.label),
+            str(motion.n_tracks),
+            f"{motion.share:.1%}",
+            f"{len(motion.frames)} of {report.n_frames}",
+            _colour(motion.label),
+            motion.model or "too few",
+            pixels(motion.residual),
+        )
+    if report.n_outliers:
+        share = f"{report.n_outliers / report.n_tracks:.1%}"
+        table.add_row("none", str(report.n_outliers), share, "", _colour(-1))
+    return table
+
+
+def _colour(motion):
+    colour = motion_colour(motion)
+    return f"[{colour}]●[/] {colour}"
+
+
+def _count_table(report):
+    """A row per number of motions: its costs, and why it was chosen or not."""
+    table = require("rich.table", extra="cli").Table(caption=how_sure(report) or None)
+    for title in ("motions", *report.term_names, "total"):
+        # Broken here, so that narrow screens leave the width to the verdicts.
+        table.add_column(fill(title, 12, break_long_words=False), justify="right")
+    table.add_column("")
+    for each in report.counts:
+        table.add_row(
+            str(each.n_motions),
+            *(f"{cost:.4f}" for cost in (*each.terms, each.total)),
+            each.verdict,
+            style="bold" if each.chosen else "",
+        )
+    return table

@@ -1,0 +1,79 @@
+"""Files of labels that ``skmotionseg segment`` writes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._core.geometry.tracks import unpack_tracks
+from .._utils.writing import replacing
+
+LABEL_ENDINGS = (".npz", ".csv")
+# Columns of a table with a row per observation, and how they are written.
+OBSERVATIONS = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
+
+
+def write_labels(path, sequence, labels, probabilities=None):
+    """Write labels: .npz, with the tracks; .csv, of a video with its observations.
+
+    Parameters
+    ----------
+    path : Path
+    sequence : Bunch
+        Tracks with their ``track_ids``; ``video`` is empty if they are of a file.
+    labels : ndarray of int, shape (n_tracks,)
+    probabilities : ndarray of shape (n_tracks,), optional
+        Written beside them.
+    """
+    with replacing(path) as file:
+        if path.suffix.lower() == ".npz":
+            sure = {} if probabilities is None else {"probabilities": probabilities}
+            np.savez_compressed(
+                file,
+                X=sequence.data,
+                labels=labels,
+                track_ids=sequence.track_ids,
+                **sure,
+                **sequence.video,
+            )
+            return
+        header, form = "track,label", "%.15g,%d"
+        columns = [sequence.track_ids, labels]
+        if sequence.video:  # nobody else has these tracks
+            header, form = OBSERVATIONS
+            track, columns = _observations(sequence, labels)
+        if probabilities is not None:
+            header, form = f"{header},probability", f"{form},%.3f"
+            columns.append(probabilities[track] if sequence.video else probabilities)
+        table = np.column_stack(columns)
+        np.savetxt(file, table, fmt=form, header=header, comments="")
+
+
+def _observations(sequence, labels):
+    """The track, and track, frame, x, y and label, each time that a track is seen."""
+    points, visibility = unpack_tracks(sequence.data)
+    track, frame = np.nonzero(visibility)
+    names = sequence.track_ids[track]
+    return track, [names, frame, *points[track, frame].T, labels[track]]
+
+
+def write_labels_by_frame(path, clip, labels, probabilities=None):
+    """Write a row per observation, frame by frame, of tracks that are in files.
+
+    Parameters
+    ----------
+    path : Path
+    clip : StoredClip
+    labels : ndarray of int, shape (n_tracks,)
+    probabilities : ndarray of shape (n_tracks,), optional
+        Written beside them.
+    """
+    header, form = OBSERVATIONS
+    if probabilities is not None:
+        header, form = f"{header},probability", f"{form},%.3f"
+    with replacing(path) as file:
+        file.write(f"{header}\n".encode())
+        for number, (rows, points) in enumerate(clip.frames()):
+            columns = [rows, np.full(len(rows), number), points, labels[rows]]
+            if probabilities is not None:
+                columns.append(probabilities[rows])
+            np.savetxt(file, np.column_stack(columns), fmt=form)

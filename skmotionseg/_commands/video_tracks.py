@@ -1,0 +1,153 @@
+"""Tracks of a video for ``skmotionseg segment``: in memory, or in files if long."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from .._segmenter.long_clips import LONG_CLIP
+from .._version import __version__
+from ..video._frames import open_frames
+from ..video._tracking import MAX_ERROR, MIN_TEXTURE
+from .console import reporting
+from .stored_tracks import StoredClip, StoredTracks, track_into
+
+# Outputs for which all tracks are needed at once, in memory.
+WHOLE = (
+    "render",
+    "report",
+    "split_dir",
+    "masks",
+    "static_masks",
+    "prompts",
+    "viewer",
+)
+
+
+def open_video(arguments):
+    """The frames of a video that are to be read."""
+    # What OpenCV and FFmpeg print of a damaged video, the error says in one line.
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    return open_frames(arguments.file).every(arguments.stride)
+
+
+def goes_in_blocks(arguments, frames):
+    """Whether the tracks of a video are kept in files: it is long, or may go on."""
+    length = _expected(arguments, frames)
+    is_long = length is None or length > LONG_CLIP
+    return arguments.resume is not None or (is_long and not needs_whole(arguments))
+
+
+def _expected(arguments, frames):
+    """Frames that there should be; None if nobody says."""
+    some = [n for n in (frames.n_announced, arguments.max_frames) if n is not None]
+    return min(some, default=None)
+
+
+def needs_whole(arguments):
+    """Whether an output needs all tracks in memory."""
+    as_matrix = arguments.out is not None and arguments.out.suffix.lower() == ".npz"
+    return as_matrix or any(getattr(arguments, name) is not None for name in WHOLE)
+
+
+def track_at_once(arguments, frames, console):
+    """Track a video in memory.
+
+    Returns
+    -------
+    tracks : ndarray of shape (n_tracks, 2 * n_frames)
+        Those that are long enough.
+    size : tuple of (int, int)
+        Width and height of the frames.
+    """
+    from ..preprocessing import select_long_tracks
+    from ..video import track_video
+
+    with reporting("tracking", console) as progress:
+        video = track_video(
+            frames,
+            grid_spacing=arguments.grid,
+            max_frames=arguments.max_frames,
+            max_side=arguments.max_side,
+            progress=progress,
+        )
+    kept = np.zeros(len(video.tracks), dtype=bool)
+    if len(kept):
+        kept = select_long_tracks(video.tracks, _shortest_track(video.n_frames))
+    _check_kept(arguments, kept.sum(), video.n_frames)
+    return video.tracks[kept], (video.width, video.height)
+
+
+@contextmanager
+def folder_of(arguments):
+    """The folder of a run: that to resume, or one that is removed in the end."""
+    if arguments.resume is not None:
+        yield arguments.resume
+        return
+    with tempfile.TemporaryDirectory(prefix="skmotionseg-") as folder:
+        yield Path(folder)
+
+
+def track_to(folder, arguments, frames, console):
+    """Track a video into a folder, or go on with it there.
+
+    Returns
+    -------
+    StoredClip
+        Of the tracks that are long enough.
+    """
+    stored = StoredTracks(folder, _settings(arguments, frames))
+    options = {
+        "grid_spacing": arguments.grid,
+        "max_error": MAX_ERROR,
+        "min_texture": MIN_TEXTURE,
+        "max_side": arguments.max_side,
+    }
+    expected = _expected(arguments, frames)
+    with reporting("tracking", console) as report:
+        track_into(
+            stored,
+            frames,
+            options,
+            arguments.max_frames,
+            lambda done: report(done, expected),
+        )
+    if stored.n_frames < 2:
+        raise ValueError(
+            f"tracks need two frames or more; {frames.name} has {stored.n_frames}"
+        )
+    clip = StoredClip(stored, _shortest_track(stored.n_frames))
+    _check_kept(arguments, clip.n_tracks, stored.n_frames)
+    return clip
+
+
+def _settings(arguments, frames):
+    """What the tracks depend on."""
+    path = arguments.file.resolve()
+    return {
+        "file": str(path),
+        "bytes": path.stat().st_size if path.is_file() else frames.n_announced,
+        "grid": arguments.grid,
+        "stride": arguments.stride,
+        "max-frames": arguments.max_frames,
+        "max-side": arguments.max_side,
+        "version": __version__,
+    }
+
+
+def _check_kept(arguments, n_kept, n_frames):
+    if not n_kept:
+        raise ValueError(
+            f"no point of {arguments.file} could be followed for "
+            f"{_shortest_track(n_frames)} frames: there is too little texture"
+        )
+
+
+def _shortest_track(n_frames):
+    """Five frames; up to ten in longer clips, where short tracks say little."""
+    return int(np.clip(n_frames // 8, 5, 10))
