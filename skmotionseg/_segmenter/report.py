@@ -352,7 +352,11 @@ def _count_lines(report):
 
 
 def how_sure(report):
-    """How likely the number of motions is, and the next one; "" if unknown."""
+    """How likely the number of motions is, and the next one; "" if unknown.
+
+    The number that is chosen is the largest that is reached more likely than not. Fewer
+    may be likelier than just as many, and then this is said.
+    """
     if len(report.counts) == 1 or np.isnan(report.counts[0].probability):
         return ""
     (chosen,) = (each for each in report.counts if each.chosen)
@@ -362,8 +366,15 @@ def how_sure(report):
         f"{each.n_motions} with {100 * each.probability:.0f} %"
         for each in (chosen, following)
     )
-    tie = " (a near tie)" if chosen.probability < NEAR_TIE else ""
-    return f"Number of motions: {likely}{tie}; next, {less}."
+    tie = "a near tie" if chosen.probability < NEAR_TIE else ""
+    if following.probability > chosen.probability:
+        reached = sum(
+            each.probability
+            for each in report.counts
+            if each.n_motions >= chosen.n_motions
+        )
+        tie += f": {chosen.n_motions} or more with {100 * reached:.0f} %"
+    return f"Number of motions: {likely}{tie and f' ({tie})'}; next, {less}."
 
 
 def _halves(name):

@@ -317,6 +317,11 @@ def test_a_near_tie_is_said_in_words(reported):
     last = str(tied.report(X)).splitlines()[-1]
     few = tied.counts_[0]
     assert last.endswith(f"with 55 % (a near tie); next, {few} with 45 %.")
+    tied.count_probabilities_[:3] = 0.45, 0.2, 0.35
+    last = str(tied.report(X)).splitlines()[-1]
+    two = f"{tied.counts_[1]} with 20 %"
+    assert f"{two} (a near tie: {tied.counts_[1]} or more with 55 %)" in last
+    assert last.endswith(f"; next, {few} with 45 %.")
 
 
 @pytest.mark.parametrize(
