@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -109,8 +110,24 @@ def due_to_tracks(X, models, gap):
         return {"infinity"}
     if X.shape[1] // 2 <= gap:
         return {"gap"}
-    most = seen_in_pairs(X, gap).sum(axis=0).max()
+    return due_to_pairs(seen_in_pairs(X, gap), models)
+
+
+def due_to_pairs(seen, models):
+    most = seen.sum(axis=0).max()
     return {"few tracks"} if any(most < MINIMAL_SIZE[m] for m in models) else set()
+
+
+def are_photographs(X):
+    """Whether fewer than four fifths of the tracks are seen in consecutive frames."""
+    twice = visible(X).sum(axis=1) > 1
+    return twice.any() and seen_in_pairs(X, 1)[twice].any(axis=1).mean() < 0.8
+
+
+def seen_in_any_pairs(X):
+    """Bool, (n_tracks, n_pairs), of all pairs of frames."""
+    seen = visible(X)
+    return np.stack([a & b for a, b in combinations(seen.T, 2)], axis=1)
 
 
 def due_to_affinities(recipe):
@@ -332,6 +349,8 @@ def refusals_of_segmenter(segmenter, recipe):
     )
     X = X if np.isinf(X).any() else without_empty_frames(X, segmenter.frame_gap)
     due = due_to_tracks(X, models, segmenter.frame_gap)
+    if due == {"few tracks"} and segmenter.frame_gap == 1 and are_photographs(X):
+        due = due_to_pairs(seen_in_any_pairs(X), models)
     if "infinity" not in due and fewest > len(X):
         due = {"motions"}
     elif "infinity" not in due and some and segmenter.n_landmarks > len(X):
