@@ -10,6 +10,7 @@ from .._utils.writing import replacing
 LABEL_ENDINGS = (".npz", ".csv")
 # Columns of a table with a row per observation, and how they are written.
 OBSERVATIONS = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
+TRACKS = "track,label", "%.15g,%d"
 
 
 def write_labels(path, sequence, labels, probabilities=None):
@@ -36,16 +37,21 @@ def write_labels(path, sequence, labels, probabilities=None):
                 **sequence.video,
             )
             return
-        header, form = "track,label", "%.15g,%d"
-        columns = [sequence.track_ids, labels]
+        kind, columns = TRACKS, [sequence.track_ids, labels]
         if sequence.video:  # nobody else has these tracks
-            header, form = OBSERVATIONS
+            kind = OBSERVATIONS
             track, columns = _observations(sequence, labels)
         if probabilities is not None:
-            header, form = f"{header},probability", f"{form},%.3f"
             columns.append(probabilities[track] if sequence.video else probabilities)
+        header, form = _columns(kind, probabilities is not None)
         table = np.column_stack(columns)
         np.savetxt(file, table, fmt=form, header=header, comments="")
+
+
+def _columns(kind, sure):
+    """Names and format of the columns of a table, perhaps with probabilities."""
+    header, form = kind
+    return (f"{header},probability", f"{form},%.3f") if sure else kind
 
 
 def _observations(sequence, labels):
@@ -67,13 +73,34 @@ def write_labels_by_frame(path, clip, labels, probabilities=None):
     probabilities : ndarray of shape (n_tracks,), optional
         Written beside them.
     """
-    header, form = OBSERVATIONS
-    if probabilities is not None:
-        header, form = f"{header},probability", f"{form},%.3f"
     with replacing(path) as file:
-        file.write(f"{header}\n".encode())
+        begin_observations(file, probabilities is not None)
         for number, (rows, points) in enumerate(clip.frames()):
-            columns = [rows, np.full(len(rows), number), points, labels[rows]]
-            if probabilities is not None:
-                columns.append(probabilities[rows])
-            np.savetxt(file, np.column_stack(columns), fmt=form)
+            sure = None if probabilities is None else probabilities[rows]
+            write_frame(file, number, rows, points, labels[rows], sure)
+
+
+def begin_observations(file, sure=False):
+    """Write the names of the columns of a table with a row per observation."""
+    header, _ = _columns(OBSERVATIONS, sure)
+    file.write(f"{header}\n".encode())
+
+
+def write_frame(file, number, ids, points, labels, probabilities=None):
+    """Write a row per track that is seen in a frame.
+
+    Parameters
+    ----------
+    file : binary file
+        After :func:`begin_observations`.
+    number : int
+        Of the frame.
+    ids, labels : ndarray of int, shape (n,)
+    points : ndarray of shape (n, 2)
+    probabilities : ndarray of shape (n,), optional
+    """
+    _, form = _columns(OBSERVATIONS, probabilities is not None)
+    columns = [ids, np.full(len(ids), number), points, labels]
+    if probabilities is not None:
+        columns.append(probabilities)
+    np.savetxt(file, np.column_stack(columns), fmt=form)

@@ -11,7 +11,7 @@ import numpy as np
 from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import facts_table
-from .label_files import OBSERVATIONS
+from .label_files import begin_observations, write_frame
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
 N_POINTS = 500
@@ -40,7 +40,7 @@ def segment_live(arguments):
         table = None
         if arguments.out is not None:
             table = files.enter_context(replacing(arguments.out))
-            table.write(f"{OBSERVATIONS[0]}\n".encode())
+            begin_observations(table)
         labelled = _labelled(frames, segmenter, table, arguments, console)
         if arguments.render is None:
             for _ in labelled:
@@ -85,9 +85,7 @@ def _labelled(frames, segmenter, table, arguments, console):
             for event in segmenter.events_:
                 console.print(str(event), highlight=False)
             if table is not None:
-                columns = ids, np.full(len(ids), number), points, labels
-                rows = np.column_stack(columns)
-                np.savetxt(table, rows, fmt=OBSERVATIONS[1])
+                write_frame(table, number, ids, points, labels)
             yield each.frame, points, labels
     except KeyboardInterrupt:  # how one ends what a camera films
         console.print("stopped", highlight=False)

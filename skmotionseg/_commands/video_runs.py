@@ -22,6 +22,7 @@ from ..metrics import (
 )
 from ..preprocessing import select_long_tracks
 from ..segmentation import MotionSegmenter
+from .video_tracks import shortest_track
 
 VIDEO_LOADERS = {"BMS26": load_bms26, "DAVIS16": load_davis16}
 # Frames whose tracks are scored as points, as the papers do.
@@ -66,8 +67,8 @@ def _segment(sequence, params, seed, max_frames=None):
 
     started = time.perf_counter()
     video = track_video(sequence.frames, max_frames=max_frames)
-    shortest = int(np.clip(video.n_frames // 8, 5, 10))
-    tracks = video.tracks[select_long_tracks(video.tracks, shortest)]
+    kept = select_long_tracks(video.tracks, shortest_track(video.n_frames))
+    tracks = video.tracks[kept]
     tracked = time.perf_counter()
     segmenter = MotionSegmenter(random_state=seed, **params).fit(tracks)
     objects = find_objects(

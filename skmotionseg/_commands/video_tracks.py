@@ -78,7 +78,7 @@ def track_at_once(arguments, frames, console):
         )
     kept = np.zeros(len(video.tracks), dtype=bool)
     if len(kept):
-        kept = select_long_tracks(video.tracks, _shortest_track(video.n_frames))
+        kept = select_long_tracks(video.tracks, shortest_track(video.n_frames))
     _check_kept(arguments, kept.sum(), video.n_frames)
     return video.tracks[kept], (video.width, video.height)
 
@@ -121,7 +121,7 @@ def track_to(folder, arguments, frames, console):
         raise ValueError(
             f"tracks need two frames or more; {frames.name} has {stored.n_frames}"
         )
-    clip = StoredClip(stored, _shortest_track(stored.n_frames))
+    clip = StoredClip(stored, shortest_track(stored.n_frames))
     _check_kept(arguments, clip.n_tracks, stored.n_frames)
     return clip
 
@@ -144,10 +144,10 @@ def _check_kept(arguments, n_kept, n_frames):
     if not n_kept:
         raise ValueError(
             f"no point of {arguments.file} could be followed for "
-            f"{_shortest_track(n_frames)} frames: there is too little texture"
+            f"{shortest_track(n_frames)} frames: there is too little texture"
         )
 
 
-def _shortest_track(n_frames):
+def shortest_track(n_frames):
     """Five frames; up to ten in longer clips, where short tracks say little."""
     return int(np.clip(n_frames // 8, 5, 10))

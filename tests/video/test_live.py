@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.pictures import plaster, write_video
+from helpers.pictures import film_of_a_thing, write_video
 from numpy.testing import assert_array_equal
 
 from skmotionseg import unpack_tracks
@@ -20,15 +20,8 @@ WIDTH, HEIGHT, N_FRAMES = 240, 180, 16
 @pytest.fixture(scope="module")
 def frames():
     """A wall that goes by, and a thing before it that goes the other way."""
-    rng = np.random.default_rng(0)
-    shapes = (HEIGHT + 60, WIDTH + 60), (80, 90)
-    wall, thing = (plaster(rng, shape) for shape in shapes)
-    pictures = []
-    for f in range(N_FRAMES):
-        shown = wall[f : f + HEIGHT, 2 * f : 2 * f + WIDTH].copy()
-        shown[50 + f : 130 + f, 20 + 3 * f : 110 + 3 * f] = thing
-        pictures.append(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
-    return pictures
+    places = (((f, 2 * f), (50 + f, 20 + 3 * f)) for f in range(N_FRAMES))
+    return film_of_a_thing((HEIGHT, WIDTH), (80, 90), places)
 
 
 @pytest.fixture(scope="module")

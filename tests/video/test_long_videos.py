@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from helpers.pictures import plaster, write_video
+from helpers.pictures import film_of_a_thing, write_video
 from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter, unpack_tracks
@@ -23,7 +23,7 @@ from skmotionseg.preprocessing import select_long_tracks
 from skmotionseg.video import track_video
 from skmotionseg.video._tracking import MAX_ERROR, MIN_TEXTURE
 
-cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
+pytest.importorskip("cv2", reason="needs opencv-python-headless")
 pytestmark = pytest.mark.xdist_group("long video")  # tracked once for all
 
 WIDTH, HEIGHT, N_FRAMES, GRID = 128, 96, 106, 12
@@ -39,17 +39,14 @@ COMMAND = "import sys; from skmotionseg.cli import main; sys.exit(main())"
 @pytest.fixture(scope="module")
 def frames():
     """A wall that sways, and a thing before it that sways otherwise."""
-    rng = np.random.default_rng(0)
-    shapes = (HEIGHT + 60, WIDTH + 60), (50, 50)
-    wall, thing = (plaster(rng, shape) for shape in shapes)
-    pictures = []
-    for f in range(N_FRAMES):
-        y, x = np.int64(30 + 28 * np.sin([f / 23, f / 17]))
-        shown = wall[y : y + HEIGHT, x : x + WIDTH].copy()
-        y, x = np.int64([23, 39] + 20 * np.cos([f / 13, f / 16]))
-        shown[y : y + 50, x : x + 50] = thing
-        pictures.append(cv2.cvtColor(shown, cv2.COLOR_GRAY2BGR))
-    return pictures
+    places = (
+        (
+            np.int64(30 + 28 * np.sin([f / 23, f / 17])),
+            np.int64([23, 39] + 20 * np.cos([f / 13, f / 16])),
+        )
+        for f in range(N_FRAMES)
+    )
+    return film_of_a_thing((HEIGHT, WIDTH), (50, 50), places)
 
 
 @pytest.fixture(scope="module")
