@@ -6,7 +6,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from skmotionseg._core.geometry.poses import rotations_of
-from skmotionseg._core.geometry.rigid_motion import _problems
+from skmotionseg._core.geometry.rigid_motion import observed
 from skmotionseg._core.geometry.starts import (
     DEGREES_APART,
     N_DIRECTIONS,
@@ -60,8 +60,8 @@ def test_driving_ahead_starts_near_the_truth_at_any_speed():
     points[:, 2] = rays
     x = (points[..., :2] / points[..., 2:])[None]
     seen = np.ones(x.shape[:3], dtype=bool)
-    problems = _problems(x, seen, np.ones((1, 40)), np.full(1, 1e-4), 2)
-    rotations, translations, found = starting_motions(x, problems, 2)
+    problems = observed(x, seen, np.ones((1, 40)), np.full(1, 1e-4), 2)
+    rotations, translations, found = starting_motions(problems)
     turned = np.einsum("sfij,nj->sfni", rotations[0], rays)
     images = turned + found[0][:, None, :, None] * translations[0][:, :, None]
     errors = images[..., :2] / images[..., 2:] - np.delete(x[0], 2, 1).swapaxes(0, 1)

@@ -9,6 +9,8 @@ import numpy as np
 # Points are kept this far, in units of the reference depth, from a camera's plane,
 # where their image is infinite.
 NEAREST = 0.05
+# The six entries that tell a symmetric matrix of three unknowns.
+UPPER = ..., *np.triu_indices(3)
 
 
 class Poses(NamedTuple):
@@ -63,6 +65,64 @@ def kept_away(distance):
     return np.where(
         np.abs(distance) < NEAREST, np.where(distance < 0, -NEAREST, NEAREST), distance
     )
+
+
+def image_derivatives(image, turned, depths, factor):
+    """Derivatives of images by their poses, times a factor per point.
+
+    Parameters
+    ----------
+    image : ndarray of shape (..., 2, n)
+    turned : ndarray of shape (..., 3, n)
+        Rays in the frame of the image.
+    depths : ndarray of shape (..., n)
+        Inverse, in the reference frame.
+    factor : ndarray of shape (..., n)
+        One over the distance along the optical axis, times any weight.
+
+    Returns
+    -------
+    ndarray of shape (..., 6, 2, n)
+        By a rotation vector, applied after the rotation, and by the translation.
+    """
+    u, v = image[..., 0, :], image[..., 1, :]
+    a, b, c = (turned[..., i, :] * factor for i in range(3))
+    moved = depths * factor
+    found = np.zeros((*u.shape[:-1], 6, 2, u.shape[-1]))
+    found[..., 0, 0, :], found[..., 0, 1, :] = -u * b, -(c + v * b)
+    found[..., 1, 0, :], found[..., 1, 1, :] = c + u * a, v * a
+    found[..., 2, 0, :], found[..., 2, 1, :] = -b, a
+    found[..., 3, 0, :] = found[..., 4, 1, :] = moved
+    found[..., 5, 0, :], found[..., 5, 1, :] = -u * moved, -v * moved
+    return found
+
+
+def solve_three(matrix, right):
+    """Solutions of many symmetric systems of three unknowns, in closed form.
+
+    Parameters
+    ----------
+    matrix : sequence of six ndarray
+        The entries :data:`UPPER` of positive definite matrices.
+    right : sequence of three ndarray
+
+    Returns
+    -------
+    list of three ndarray
+    """
+    a, b, c, d, e, f = matrix
+    minors = d * f - e * e, c * e - b * f, b * e - c * d
+    determinant = a * minors[0] + b * minors[1] + c * minors[2]
+    inverse = 1 / np.maximum(determinant, np.finfo(float).tiny)
+    rows = (
+        minors,
+        (minors[1], a * f - c * c, b * c - a * e),
+        (minors[2], b * c - a * e, a * d - b * b),
+    )
+    return [
+        (row[0] * right[0] + row[1] * right[1] + row[2] * right[2]) * inverse
+        for row in rows
+    ]
 
 
 def lower_medians(values, counted):

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .poses import kept_away, lower_medians, rotations_of
+from .poses import image_derivatives, kept_away, lower_medians, rotations_of
 
 ITERATIONS = 6
 # Residuals are weighted by Cauchy's function of this many medians.
@@ -53,39 +53,42 @@ def resect(rays, depths, x, weights, starts, floor, iterations=ITERATIONS):
 
     Parameters
     ----------
-    rays : ndarray of shape (B, n, 3)
-        Of the points in a reference frame.
-    depths : ndarray of shape (B, n)
+    rays : ndarray of shape (..., n, 3)
+        Of the points in a reference frame. The first axes of all arguments broadcast.
+    depths : ndarray of shape (..., n)
         Inverse, in the reference frame.
-    x : ndarray of shape (B, n, 2)
+    x : ndarray of shape (..., n, 2)
         Calibrated coordinates in the new frame.
-    weights : ndarray of shape (B, n)
+    weights : ndarray of shape (..., n)
         0 for points that are not seen in it.
-    starts : (ndarray of shape (B, 3, 3), ndarray of shape (B, 3))
-        Rotations and translations to begin with.
-    floor : float or ndarray of shape (B,)
+    starts : (ndarray of shape (..., 3, 3), ndarray of shape (..., 3))
+        Rotations and translations to begin with, of all axes.
+    floor : float or ndarray of shape (...)
         Least scale of the residuals.
     iterations : int, optional
 
     Returns
     -------
-    rotations : ndarray of shape (B, 3, 3)
-    translations : ndarray of shape (B, 3)
-    medians : ndarray of shape (B,)
+    rotations : ndarray of shape (..., 3, 3)
+    translations : ndarray of shape (..., 3)
+    medians : ndarray of shape (...)
         Of the residuals' lengths; infinite where no point is seen.
     """
     rotations, translations = starts
+    rays, x = rays.swapaxes(-1, -2), x.swapaxes(-1, -2)
     for _ in range(iterations):
-        residuals, jacobian = _linearised(rays, depths, x, rotations, translations)
-        sizes = np.linalg.norm(residuals, axis=-1)
+        image, turned, distance = _seen_from(rays, depths, rotations, translations)
+        residuals = x - image
+        sizes = np.sqrt(residuals[..., 0, :] ** 2 + residuals[..., 1, :] ** 2)
         scale = MEDIANS * np.maximum(lower_medians(sizes, weights > 0), floor)
-        scale = np.where(np.isfinite(scale), scale, 1)
-        robust = weights / (1 + (sizes / scale[:, None]) ** 2)
-        change = _solved(jacobian, residuals, robust)
-        rotations = rotations_of(change[:, :3]) @ rotations
-        translations = translations + change[:, 3:]
-    residuals, _ = _linearised(rays, depths, x, rotations, translations)
-    sizes = np.linalg.norm(residuals, axis=-1)
+        scale = np.where(np.isfinite(scale), scale, 1)[..., None]
+        root = np.sqrt(weights / (1 + (sizes / scale) ** 2))
+        rows = image_derivatives(image, turned, depths, root / distance)
+        change = _least_squares(rows, residuals * root[..., None, :])
+        rotations = rotations_of(change[..., :3]) @ rotations
+        translations = translations + change[..., 3:]
+    residuals = x - _seen_from(rays, depths, rotations, translations)[0]
+    sizes = np.sqrt(residuals[..., 0, :] ** 2 + residuals[..., 1, :] ** 2)
     return rotations, translations, lower_medians(sizes, weights > 0)
 
 
@@ -115,29 +118,19 @@ def next_poses(poses, valid):
     )
 
 
-def _linearised(rays, depths, x, rotations, translations):
-    """Residuals (B, n, 2), and the images' derivatives by the pose (B, n, 2, 6)."""
-    turned = rays @ rotations.swapaxes(-1, -2)
-    points = turned + depths[..., None] * translations[:, None]
-    far = kept_away(points[..., 2])
-    image = points[..., :2] / far[..., None]
-    (u, v), (a, b, c) = np.moveaxis(image, -1, 0), np.moveaxis(turned, -1, 0)
-    zero = np.zeros_like(u)
-    rows = [
-        [-u * b, c + u * a, -b, depths, zero, -u * depths],
-        [-(c + v * b), v * a, a, zero, depths, -v * depths],
-    ]
-    jacobian = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-    return x - image, jacobian / far[..., None, None]
+def _seen_from(rays, depths, rotations, translations):
+    """Images (..., 2, n), turned rays (..., 3, n) and distances (..., n) of points."""
+    turned = rotations @ rays
+    points = turned + depths[..., None, :] * translations[..., None]
+    distance = kept_away(points[..., 2, :])
+    return points[..., :2, :] / distance[..., None, :], turned, distance
 
 
-def _solved(jacobian, residuals, weights):
-    """Weighted least squares for the six unknowns of each pose: (B, 6)."""
-    B = len(jacobian)
-    rows = jacobian.reshape(B, -1, 6)
-    weighted = rows * np.repeat(weights, 2, axis=1)[..., None]
-    normal = weighted.swapaxes(-1, -2) @ rows
-    right = weighted.swapaxes(-1, -2) @ residuals.reshape(B, -1, 1)
-    diagonal = np.einsum("bii->bi", normal)
-    more = DAMPING * (diagonal + diagonal.mean(axis=1, keepdims=True)) + 1e-12
-    return np.linalg.solve(normal + more[..., None] * np.eye(6), right)[..., 0]
+def _least_squares(rows, left):
+    """Damped least squares (..., 6) from (..., 6, 2, n) and (..., 2, n)."""
+    rows = rows.reshape(*rows.shape[:-2], -1)
+    left = left.reshape(*left.shape[:-2], -1, 1)
+    normal = rows @ rows.swapaxes(-1, -2)
+    diagonal = np.diagonal(normal, axis1=-2, axis2=-1)
+    more = DAMPING * (diagonal + diagonal.mean(axis=-1, keepdims=True)) + 1e-12
+    return np.linalg.solve(normal + more[..., None] * np.eye(6), rows @ left)[..., 0]

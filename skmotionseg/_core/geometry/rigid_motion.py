@@ -21,7 +21,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .poses import Poses, kept_away, lower_medians, relative_to, rotations_of
+from .poses import (
+    Poses,
+    image_derivatives,
+    kept_away,
+    lower_medians,
+    relative_to,
+    rotations_of,
+    solve_three,
+)
 from .starts import starting_motions
 
 # Iterations from each start and from the best.
@@ -32,21 +40,29 @@ CONVERGED = 0.01
 FREEDOM = 3.0
 # A standard deviation over the median of residuals is about this.
 SCALE_OF_MEDIAN = 1.2
+# Tracks times motions whose residuals are found at a time.
+SIZE_OF_BLOCK = 4096
+# Columns whose products are the normal equations of three unknowns: six of the matrix,
+# and three of what is on the right.
+PAIRS = np.array([[0, 0, 0, 1, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 2, 3, 3, 3]])
 
 
 class Problems(NamedTuple):
-    """Observations of a batch, frames before tracks."""
+    """Observations of a batch, in all frames but the reference; points are last."""
 
-    x: np.ndarray  # (B, L, n, 2), in all frames but the reference
-    seen: np.ndarray  # (B, L, n)
-    rays: np.ndarray  # (B, n, 3), in the reference frame
+    x: np.ndarray  # (B, L, 2, n)
+    seen: np.ndarray  # (B, L, n), 0 or 1
+    rays: np.ndarray  # (B, 3, n), in the reference frame
     weights: np.ndarray  # (B, n), 0 for tracks that do not count
     floor: np.ndarray  # (B,), least scale of residuals
     counted: np.ndarray  # (B, n), whether a track has a weight and a residual
     freedom: np.ndarray  # (B, n), residuals per track, less its depth
+    reference: np.ndarray  # (B,), frame in which depths are measured
+    ahead: np.ndarray  # (B, L), frames from the reference to each
 
-    def repeated(self, times):
-        return Problems(*(np.repeat(each, times, axis=0) for each in self))
+    def of(self, some):
+        """Some of the problems, or all of them some times over."""
+        return Problems(*(each[some] for each in self))
 
 
 class _State(NamedTuple):
@@ -55,22 +71,16 @@ class _State(NamedTuple):
     rotations: np.ndarray  # (B, L, 3, 3)
     translations: np.ndarray  # (B, L, 3)
     depths: np.ndarray  # (B, n), inverse
-    image: np.ndarray  # (B, L, n, 2)
-    turned: np.ndarray  # (B, L, n, 3), rays in the other frames
+    image: np.ndarray  # (B, L, 2, n)
+    turned: np.ndarray  # (B, L, 3, n), rays in the other frames
     distance: np.ndarray  # (B, L, n), along the optical axis
-    residuals: np.ndarray  # (B, L, n, 2)
+    residuals: np.ndarray  # (B, L, 2, n)
     squares: np.ndarray  # (B, n), summed over the frames
 
-    def chosen(self, other, better):
-        """Of each problem the other state where it is better."""
-        if better.all():
-            return other
-        return _State(
-            *(
-                np.where(better.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
-                for old, new in zip(self, other, strict=True)
-            )
-        )
+    def replace(self, some, other):
+        """Replace the states of some problems, in place."""
+        for old, new in zip(self, other, strict=True):
+            old[some] = new
 
     def of(self, some):
         """Of some of the problems."""
@@ -89,24 +99,24 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
         0 for tracks that do not count.
     floor : ndarray of shape (B,)
         Least standard deviation of the residuals, in calibrated coordinates.
-    reference : int
+    reference : int or ndarray of shape (B,)
         Frame in which depths are measured; its pose is the identity.
 
     Returns
     -------
     Poses
     """
-    problems = _problems(x, seen, weights, floor, reference)
-    starts = starting_motions(x, problems, reference)
+    problems = observed(x, seen, weights, floor, reference)
+    starts = starting_motions(problems)
     times = starts[2].shape[1]
-    repeated = problems.repeated(times)
+    repeated = problems.of(np.repeat(np.arange(len(x)), times))
     state = _state(repeated, *(each.reshape(-1, *each.shape[2:]) for each in starts))
     state = _minimise(repeated, state, FIRST_ITERATIONS)
     # Compared at one scale per problem, the least of its starts'.
     scale = _scale(repeated, state).reshape(-1, times).min(axis=1)
     costs = _cost(repeated, state, np.repeat(scale, times)).reshape(-1, times)
     best = np.arange(len(x)) * times + costs.argmin(axis=1)
-    return _poses(_minimise(problems, state.of(best), LAST_ITERATIONS), reference)
+    return _poses(problems, _minimise(problems, state.of(best), LAST_ITERATIONS))
 
 
 def refine_rigid_motions(
@@ -120,14 +130,16 @@ def refine_rigid_motions(
     costs : ndarray of shape (B,)
         By which starts for the same tracks compare.
     """
-    problems = _problems(x, seen, weights, floor, reference)
-    others = np.delete(np.arange(x.shape[2]), reference)
-    poses = relative_to(poses, reference)
-    rotations, translations = (each[:, others] for each in poses)
+    problems = observed(x, seen, weights, floor, reference)
+    poses = relative_to(poses, problems.reference)
+    others = problems.reference[:, None] + problems.ahead
+    rotations, translations = (
+        each[np.arange(len(x))[:, None], others] for each in poses
+    )
     depths = _depths(problems, rotations, translations)
     state = _state(problems, rotations, translations, depths)
     state = _minimise(problems, state, iterations)
-    return _poses(state, reference), _cost(problems, state, problems.floor)
+    return _poses(problems, state), _cost(problems, state, problems.floor)
 
 
 def squared_residuals(x, seen, poses):
@@ -146,93 +158,115 @@ def squared_residuals(x, seen, poses):
     ndarray of shape (B, n)
         Summed over frames and coordinates. A linear fit and one Gauss-Newton step.
     """
-    x = np.ascontiguousarray(x.transpose(1, 2, 0))  # (L, 2, n)
-    seen = np.ascontiguousarray(seen.T.astype(float))  # (L, n)
+    x, seen = x.transpose(1, 2, 0), seen.T.astype(float)  # (L, 2, n), (L, n)
     rotations, translations = poses
-    # A point (a, b, 1) / c of the reference frame is at M (a, b, c) + r in another.
-    M = np.concatenate([rotations[..., :2], translations[..., None]], axis=-1)
-    r = rotations[..., 2]  # (B, L, 3)
-    observed = x * seen[:, None]
-    jacobian = (
-        observed[:, :, None] * M[:, :, None, 2, :, None]
-        - M[:, :, :2, :, None] * seen[:, None, None]
-    )  # (B, L, 2, 3, n)
-    left = r[:, :, :2, None] * seen[:, None] - observed * r[:, :, None, 2:]
-    points = _solve_points(jacobian, left, 1e-11)
-    image, distance, residuals = _image_of(points, M, r, x, seen)
+    # A point (a, b, 1) / c of the reference frame is at P (a, b, c, 1) in another.
+    P = np.concatenate(
+        [rotations[..., :2], translations[..., None], rotations[..., 2:]], axis=-1
+    )  # (B, L, 3, 4)
+    n = seen.shape[1]
+    size = max(1, SIZE_OF_BLOCK // len(P))
+    blocks = [
+        _squares_of(P, x[..., k : k + size], seen[:, k : k + size])
+        for k in range(0, n, size)
+    ]
+    return np.concatenate(blocks, axis=1) if blocks else np.zeros((len(P), 0))
+
+
+def _squares_of(P, x, seen):
+    """Squared residuals (B, n) of some tracks, (L, 2, n) and (L, n)."""
+    equations = _equations(P, x, seen)
+    points = _solve_points(equations, -equations[:, 6:], 1e-11)
+    image, distance, residuals = _image_of(points, P, x, seen)
     squares = (residuals**2).sum(axis=(1, 2))
-    jacobian = M[:, :, :2, :, None] - image[:, :, :, None] * M[:, :, 2:, :, None]
-    jacobian *= (seen / distance)[:, :, None, None]
-    points = points + _solve_points(jacobian, residuals, 1e-9)
-    return np.minimum(
-        squares, (_image_of(points, M, r, x, seen)[2] ** 2).sum(axis=(1, 2))
-    )
+    near = seen / distance
+    residuals *= near[:, :, None]
+    across = (image * residuals).sum(axis=2)  # (B, L, n)
+    left = np.concatenate([residuals, -across[:, :, None]], axis=2)  # (B, L, 3, n)
+    right = _flat(P[..., :3]).swapaxes(-1, -2) @ _flat(left)
+    points += _solve_points(_equations(P[..., :3], image, near**2), right, 1e-9)
+    residuals = _image_of(points, P, x, seen)[2]
+    return np.minimum(squares, (residuals**2).sum(axis=(1, 2)))
 
 
-def _image_of(points, M, r, x, seen):
+def _equations(P, image, weights):
+    """Normal equations of least squares of ``(u P_2 - P_0) p`` and ``(v P_2 - P_1) p``.
+
+    Products of two columns of these, weighted and summed over frames, are linear in
+    the products of P: (B, 6, n) or, of a fourth column, (B, 9, n).
+    """
+    pairs = PAIRS if P.shape[-1] == 4 else PAIRS[:, :6]
+    (a, b, c), (d, e, f) = np.moveaxis(P[..., pairs], (3, 2), (0, 1))  # (B, L, 9) each
+    factors = np.stack([a * d + b * e, -a * f - c * d, -b * f - c * e, c * f], axis=2)
+    u, v = image[..., 0, :], image[..., 1, :]
+    # Per frame and point: (..., L, 4, n).
+    terms = np.stack([weights, weights * u, weights * v, weights * (u**2 + v**2)], -2)
+    return _flat(factors).swapaxes(-1, -2) @ _flat(terms)
+
+
+def _flat(values):
+    """Two axes before the last as one."""
+    return values.reshape(*values.shape[:-3], -1, values.shape[-1])
+
+
+def _image_of(points, P, x, seen):
     """Images (B, L, 2, n), distances (B, L, n) and residuals of points (B, 3, n)."""
-    p = M @ points[:, None] + r[..., None]  # (B, L, 3, n)
+    p = _flat(P[..., :3]) @ points
+    p = p.reshape(*P.shape[:3], -1) + P[..., 3:]
     distance = kept_away(p[:, :, 2])
     image = p[:, :, :2] / distance[:, :, None]
     return image, distance, (x - image) * seen[:, None]
 
 
-def _solve_points(jacobian, left, damping):
-    """Least squares for (B, 3, n) from (B, L, 2, 3, n) and (B, L, 2, n), in closed
-    form: many systems of three unknowns."""
-    rows = jacobian.reshape(len(jacobian), -1, *jacobian.shape[3:])  # (B, 2 L, 3, n)
-    left = left.reshape(len(left), -1, left.shape[-1])
-    a, b, c, d, e, f = (
-        (rows[:, :, i] * rows[:, :, j]).sum(axis=1)
-        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-    )
-    g = (rows * left[:, :, None]).sum(axis=1)  # (B, 3, n)
+def _solve_points(matrix, right, damping):
+    """Damped least squares for (B, 3, n)."""
+    a, b, c, d, e, f = np.moveaxis(matrix[:, :6], 1, 0)
     more = damping * (a + d + f) + 1e-14
-    a, d, f = a + more, d + more, f + more
-    minors = np.array(
-        [
-            [d * f - e * e, c * e - b * f, b * e - c * d],
-            [c * e - b * f, a * f - c * c, b * c - a * e],
-            [b * e - c * d, b * c - a * e, a * d - b * b],
-        ]
-    )  # (3, 3, B, n)
-    determinant = a * minors[0, 0] + b * minors[0, 1] + c * minors[0, 2]
-    determinant = np.maximum(determinant, np.finfo(float).tiny)
-    return np.einsum("ijbn,bjn->bin", minors, g) / determinant[:, None]
+    matrix = a + more, b, c, d + more, e, f + more
+    return np.stack(solve_three(matrix, np.moveaxis(right, 1, 0)), axis=1)
 
 
-def _problems(x, seen, weights, floor, reference):
-    others = np.delete(np.arange(x.shape[2]), reference)
-    rays = np.concatenate([x[:, :, reference], np.ones((*x.shape[:2], 1))], axis=-1)
-    there = seen[:, :, reference] & (weights > 0)
-    seen = (seen[:, :, others] & there[..., None]).swapaxes(1, 2)
+def observed(x, seen, weights, floor, reference):
+    """The :class:`Problems` of the arguments of :func:`fit_rigid_motions`."""
+    B, n, L = seen.shape
+    batch = np.arange(B)
+    reference = np.broadcast_to(reference, B)
+    others = np.arange(L - 1) + (np.arange(L - 1) >= reference[:, None])  # (B, L - 1)
+    there = seen[batch, :, reference] & (weights > 0)
+    seen = seen.swapaxes(1, 2)[batch[:, None], others] & there[:, None]
+    x = x.transpose(0, 2, 3, 1)
+    rays = np.concatenate([x[batch, reference], np.ones((B, 1, n))], axis=1)
     times_seen = seen.sum(axis=1)
     return Problems(
-        x=x[:, :, others].swapaxes(1, 2),
-        seen=seen,
+        x=x[batch[:, None], others],
+        seen=seen.astype(float),
         rays=rays,
         weights=weights * there,
         floor=floor,
         counted=there & (times_seen > 0),
         freedom=np.maximum(2 * times_seen - 1, 1),
+        reference=reference,
+        ahead=others - reference[:, None],
     )
 
 
-def _poses(state, reference):
+def _poses(problems, state):
     """Poses in all frames, the reference one too."""
-    return Poses(
-        np.insert(state.rotations, reference, np.eye(3), axis=1),
-        np.insert(state.translations, reference, 0, axis=1),
-    )
+    B, L = problems.ahead.shape
+    rotations = np.tile(np.eye(3), (B, L + 1, 1, 1))
+    translations = np.zeros((B, L + 1, 3))
+    places = np.arange(B)[:, None], problems.reference[:, None] + problems.ahead
+    rotations[places], translations[places] = state.rotations, state.translations
+    return Poses(rotations, translations)
 
 
 def _state(problems, rotations, translations, depths):
-    turned = problems.rays[:, None] @ rotations.swapaxes(-1, -2)  # (B, L, n, 3)
-    points = turned + depths[:, None, :, None] * translations[:, :, None]
-    distance = kept_away(points[..., 2])
-    image = points[..., :2] / distance[..., None]
-    residuals = np.where(problems.seen[..., None], problems.x - image, 0)
-    squares = (residuals**2).sum(axis=(1, 3))
+    turned = rotations @ problems.rays[:, None]  # (B, L, 3, n)
+    points = turned + depths[:, None, None] * translations[..., None]
+    distance = kept_away(points[:, :, 2])
+    image = points[:, :, :2] / distance[:, :, None]
+    residuals = (problems.x - image) * problems.seen[:, :, None]
+    squares = (residuals**2).sum(axis=(1, 2))
     return _State(
         rotations, translations, depths, image, turned, distance, residuals, squares
     )
@@ -254,44 +288,44 @@ def _cost(problems, state, scale):
 
 def _minimise(problems, state, iterations):
     """Levenberg-Marquardt, until a step changes little; the scale of the residuals
-    follows."""
-    damping = np.full(len(problems.x), 1e-2)
-    converged = np.zeros(len(problems.x), dtype=bool)
-    scale = _scale(problems, state)
+    follows. Problems that have converged are left out of further steps."""
+    found = _State(*map(np.array, state))
+    left = np.arange(len(problems.x))
+    damping = np.full(len(left), 1e-2)
     for _ in range(iterations):
+        scale = _scale(problems, state)
         change = -_cost(problems, state, scale)
         new = _stepped(problems, state, scale, damping)
         change += _cost(problems, new, scale)
         better = change < 0
         damping = np.clip(np.where(better, 0.2 * damping, 8 * damping), 1e-9, 1e6)
-        state = state.chosen(new, better & ~converged)
-        converged |= np.abs(change) < CONVERGED
-        if converged.all():
+        found.replace(left[better], new.of(better))
+        going = np.abs(change) >= CONVERGED
+        if not going.any():
             break
-        scale = _scale(problems, state)
-    return state
+        left, damping, problems = left[going], damping[going], problems.of(going)
+        state = found.of(left)
+    return found
 
 
 def _stepped(problems, state, scale, damping):
     """The state after one damped Gauss-Newton step, the depths eliminated."""
     B, L, n = problems.seen.shape
     spread = FREEDOM * scale[:, None] ** 2 + state.squares
-    weights = problems.weights * (FREEDOM + problems.freedom) / spread  # (B, n)
-    poses, depths = _jacobians(problems, state)  # (B, L, 6, 2, n), (B, L, 2, n)
-    left = state.residuals.swapaxes(2, 3)  # (B, L, 2, n)
-    weighted = poses * weights[:, None, None, None]
-    flat = weighted.reshape(B, L, 6, 2 * n)
-    normal = flat @ poses.reshape(B, L, 6, 2 * n).swapaxes(-1, -2)  # (B, L, 6, 6)
-    right = (flat @ left.reshape(B, L, 2 * n, 1)).reshape(B, 6 * L)
-    mixed = (weighted * depths[:, :, None]).sum(axis=3).reshape(B, 6 * L, n)
-    of_depths = (weights[:, None, None] * depths**2).sum(axis=(1, 2))  # (B, n)
-    right_depths = (weights[:, None, None] * depths * left).sum(axis=(1, 2))
+    root = np.sqrt(problems.weights * (FREEDOM + problems.freedom) / spread)  # (B, n)
+    left = (state.residuals * root[:, None, None]).reshape(B, L, 2 * n, 1)
+    poses, depths = _jacobians(problems, state, root)  # (B, L, 6, 2, n), (B, L, 2, n)
+    mixed = (poses * depths[:, :, None]).sum(axis=3).reshape(B, 6 * L, n)
+    of_depths = (depths**2).sum(axis=(1, 2))  # (B, n)
+    right_depths = (depths * left.reshape(B, L, 2, n)).sum(axis=(1, 2))
     of_depths = of_depths * (1 + damping[:, None])
     of_depths += 1e-9 * of_depths.max(axis=1, keepdims=True) + 1e-30
     shares = mixed / of_depths[:, None]
+    poses = poses.reshape(B, L, 6, 2 * n)
+    normal = poses @ poses.swapaxes(-1, -2)  # (B, L, 6, 6)
     reduced = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
-    right = right - (shares @ right_depths[..., None])[..., 0]
-    change = np.linalg.solve(reduced, right[..., None])[..., 0]  # (B, 6 L)
+    right = (poses @ left).reshape(B, 6 * L, 1) - shares @ right_depths[..., None]
+    change = np.linalg.solve(reduced, right)[..., 0]  # (B, 6 L)
     change_depths = (right_depths - (change[:, None] @ mixed)[:, 0]) / of_depths
     change = change.reshape(B, L, 6)
     return _state(
@@ -305,7 +339,7 @@ def _stepped(problems, state, scale, damping):
 def _damped_blocks(normal, damping):
     """Block-diagonal matrices (B, 6 L, 6 L) of damped blocks (B, L, 6, 6)."""
     B, L = normal.shape[:2]
-    diagonal = np.einsum("blii->bli", normal)
+    diagonal = np.diagonal(normal, axis1=2, axis2=3)
     more = damping[:, None, None] * diagonal
     more = more + 1e-7 * diagonal.mean(axis=(1, 2), keepdims=True) + 1e-30
     blocks = np.zeros((B, L, 6, L, 6))
@@ -314,31 +348,23 @@ def _damped_blocks(normal, damping):
     return blocks.reshape(B, 6 * L, 6 * L)
 
 
-def _jacobians(problems, state):
-    """Derivatives of images by poses, (B, L, 6, 2, n), and by depths, (B, L, 2, n)."""
-    u, v = state.image[..., 0], state.image[..., 1]
-    a, b, c = (state.turned[..., i] for i in range(3))
-    inverse = np.where(problems.seen, 1 / state.distance, 0)
-    moved = state.depths[:, None] * inverse
-    poses = np.zeros((*u.shape[:2], 6, 2, u.shape[2]))
-    poses[:, :, 0, 0], poses[:, :, 0, 1] = -u * b * inverse, -(c + v * b) * inverse
-    poses[:, :, 1, 0], poses[:, :, 1, 1] = (c + u * a) * inverse, v * a * inverse
-    poses[:, :, 2, 0], poses[:, :, 2, 1] = -b * inverse, a * inverse
-    poses[:, :, 3, 0] = poses[:, :, 4, 1] = moved
-    poses[:, :, 5, 0], poses[:, :, 5, 1] = -u * moved, -v * moved
+def _jacobians(problems, state, root):
+    """Derivatives of images by poses, (B, L, 6, 2, n), and by depths, (B, L, 2, n),
+    times a root of a weight per track."""
+    factor = problems.seen * root[:, None] / state.distance
+    depths = state.depths[:, None]
+    poses = image_derivatives(state.image, state.turned, depths, factor)
     t = state.translations[..., None]  # (B, L, 3, 1)
-    depths = (t[:, :, :2] - state.image.swapaxes(2, 3) * t[:, :, 2:]) * inverse[
-        :, :, None
-    ]
-    return poses, depths
+    moved = (t[:, :, :2] - state.image * t[:, :, 2:]) * factor[:, :, None]
+    return poses, moved
 
 
 def _depths(problems, rotations, translations):
     """Inverse depths (B, n) of least algebraic error for given poses."""
-    turned = problems.rays[:, None] @ rotations.swapaxes(-1, -2)
-    t = translations[:, :, None]
-    seen = problems.seen[..., None]
-    slope = (problems.x * t[..., 2:] - t[..., :2]) * seen
-    left = (turned[..., :2] - problems.x * turned[..., 2:]) * seen
-    top, bottom = (slope * left).sum(axis=(1, 3)), (slope**2).sum(axis=(1, 3))
+    turned = rotations @ problems.rays[:, None]  # (B, L, 3, n)
+    t = translations[..., None]
+    seen = problems.seen[:, :, None]
+    slope = (problems.x * t[:, :, 2:] - t[:, :, :2]) * seen
+    left = (turned[:, :, :2] - problems.x * turned[:, :, 2:]) * seen
+    top, bottom = (slope * left).sum(axis=(1, 2)), (slope**2).sum(axis=(1, 2))
     return top / (bottom + 1e-12)

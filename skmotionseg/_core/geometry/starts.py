@@ -20,7 +20,7 @@ from functools import cache
 
 import numpy as np
 
-from .poses import lower_medians, rotations_of
+from .poses import UPPER, lower_medians, rotations_of, solve_three
 from .resection import resect
 
 # Directions of translation that are tried first, besides the three axes: a multiple of
@@ -35,7 +35,7 @@ N_NEIGHBOURS = 8
 STEPS = 3
 
 
-def starting_motions(x, problems, reference):
+def starting_motions(problems):
     """Rotations, translations and depths to start fits from.
 
     Of two kinds: from the farthest frame, which shows small motions best, and from the
@@ -43,10 +43,7 @@ def starting_motions(x, problems, reference):
 
     Parameters
     ----------
-    x : ndarray of shape (B, n, L, 2)
-        Calibrated coordinates; 0 where unseen.
     problems : Problems
-    reference : int
 
     Returns
     -------
@@ -56,21 +53,22 @@ def starting_motions(x, problems, reference):
     depths : ndarray of shape (B, S, n)
         Inverse.
     """
-    n_frames = x.shape[2]
-    next_frame = reference + 1 if reference + 1 < n_frames else reference - 1
-    far_frame = n_frames - 1 if reference <= n_frames // 2 else 0
+    n_others = problems.x.shape[1]
+    reference = problems.reference
     there = problems.weights > 0
-    others = np.delete(np.arange(n_frames), reference)
-    seen = np.insert(problems.seen, reference, there, axis=1)  # (B, L, n)
+    # Places among the frames but the reference: its successor has its own number.
+    next_frame = np.minimum(reference, n_others - 1)
+    far_frame = np.where(reference <= (n_others + 1) // 2, n_others - 1, 0)
+    batch = np.arange(len(reference))
     parts = []
     for frame in (far_frame, next_frame):
-        few = (there & seen[:, frame]).sum(axis=1) < np.minimum(6, there.sum(axis=1))
-        frames = np.where(few, next_frame, frame)
-        some = np.arange(len(x))
-        both = there & seen[some, frames]
-        speed = (others - reference) / (frames - reference)[:, None]  # (B, L')
-        motion = _instantaneous(x[:, :, reference], x[some, :, frames], both)
-        turns, directions, depths = motion
+        few = (problems.seen[batch, frame] > 0).sum(axis=1)
+        few = few < np.minimum(6, there.sum(axis=1))
+        frame = np.where(few, next_frame, frame)
+        speed = problems.ahead / problems.ahead[batch, frame, None]  # (B, L')
+        turns, directions, depths = _instantaneous(
+            problems.rays[:, :2], problems.x[batch, frame], problems.seen[batch, frame]
+        )
         parts.append(
             (
                 rotations_of(turns[:, :, None] * speed[:, None, :, None]),
@@ -86,19 +84,17 @@ def starting_motions(x, problems, reference):
 
 def _resected(problems, rotations, translations, depths):
     """Poses in each frame, the depths being known."""
-    shape = (*rotations.shape[:3], depths.shape[-1])  # (B, S, L', n)
-    flat = (np.prod(shape[:3]), shape[3])
     weights = problems.seen * problems.weights[:, None]
     found = resect(
-        np.broadcast_to(problems.rays[:, None, None], (*shape, 3)).reshape(*flat, 3),
-        np.broadcast_to(depths[:, :, None], shape).reshape(flat),
-        np.broadcast_to(problems.x[:, None], (*shape, 2)).reshape(*flat, 2),
-        np.broadcast_to(weights[:, None], shape).reshape(flat),
-        (rotations.reshape(-1, 3, 3), translations.reshape(-1, 3)),
-        np.repeat(problems.floor, shape[1] * shape[2]),
+        problems.rays[:, None, None].swapaxes(-1, -2),
+        depths[:, :, None],
+        problems.x[:, None].swapaxes(-1, -2),
+        weights[:, None],
+        (rotations, translations),
+        problems.floor[:, None, None],
         STEPS,
     )
-    return found[0].reshape(rotations.shape), found[1].reshape(translations.shape)
+    return found[:2]
 
 
 @cache
@@ -148,65 +144,85 @@ def _instantaneous(x, y, both):
     from the flow across the direction in which the translation moves each point; the
     best few of these (Heeger and Jepson 1992).
     """
-    turning, moving = _flow_matrices((x + y) / 2)
-    flow = y - x
+    middle, flow = (x + y) / 2, y - x  # (B, 2, n)
+    equations = _equations(middle, flow)
     batch = np.arange(len(x))[:, None]
     coarse = _directions(N_DIRECTIONS)
     every = np.broadcast_to(coarse, (len(x), *coarse.shape))
-    turns, along, scores = _turns_for(every, turning, moving, flow, both)
+    turns, scores = _turns_for(every, equations, both)
     order = _best_apart(scores, coarse, STARTS_PER_KIND)
-    directions, turns, along = coarse[order], turns[batch, order], along[batch, order]
+    directions, turns = coarse[order], turns[batch, order]
     for degrees in NEIGHBOURING:
         near = _around(directions, degrees)  # (B, k, 1 + N, 3)
         every = near.reshape(len(x), -1, 3)
-        turns, along, scores = _turns_for(every, turning, moving, flow, both)
+        turns, scores = _turns_for(every, equations, both)
         order = scores.reshape(near.shape[:3]).argmin(axis=-1)
         order = order + near.shape[2] * np.arange(near.shape[1])
-        directions, turns, along = (
-            each[batch, order] for each in (every, turns, along)
-        )
-    rest = flow[:, None] - np.einsum("bnij,bkj->bkni", turning, turns)
-    depths = (rest * along).sum(axis=-1) / ((along**2).sum(axis=-1) + 1e-4)
-    sign = np.sign(np.where(both[:, None], depths, 0).sum(axis=-1, keepdims=True))
+        directions, turns = every[batch, order], turns[batch, order]
+    return turns, *_translations(directions, turns, middle, flow, both)
+
+
+def _translations(directions, turns, middle, flow, both):
+    """Translations (B, k, 3) along directions, and depths whose median is one."""
+    along = _moved(directions, middle)  # (B, k, 2, n)
+    by_turning = np.swapaxes(_turned(middle), 1, 2)  # (B, 2, 3, n)
+    rest = flow[:, None] - (turns[:, :, None, :, None] * by_turning[:, None]).sum(3)
+    depths = (rest * along).sum(axis=2) / ((along**2).sum(axis=2) + 1e-4)
+    both = both[:, None] > 0
+    sign = np.sign(np.where(both, depths, 0).sum(axis=-1, keepdims=True))
     sign[sign == 0] = 1
-    size = lower_medians(np.abs(depths), both[:, None])[..., None]
+    size = lower_medians(np.abs(depths), both)[..., None]
     size = np.where(np.isfinite(size), np.maximum(size, 1e-6), 1e-6)
-    depths = np.where(both[:, None], sign * depths / size, 1).clip(-3, 10)
-    return turns, directions * sign * size, depths
+    depths = np.where(both, sign * depths / size, 1).clip(-3, 10)
+    return directions * sign * size, depths
 
 
-def _turns_for(directions, turning, moving, flow, both):
-    """Rotation vectors for directions (B, D, 3), ways of points, and scores (B, D)."""
-    along = np.einsum("bnij,bdj->bdni", moving, directions)  # (B, D, n, 2)
-    length = np.linalg.norm(along, axis=-1) + 1e-3
-    across = np.stack([-along[..., 1], along[..., 0]], axis=-1) / length[..., None]
-    rows = np.einsum("bdni,bnij->bdnj", across, turning)
-    left = np.einsum("bdni,bni->bdn", across, flow)
-    turns, scores = _robust_turns(rows, left, both)
-    return turns, along, scores
+def _equations(x, flow):
+    """What the flow across a direction of translation says of the rotation.
+
+    It is linear in the direction: (B, 3, 4 n) of three factors of the rotation and what
+    they sum to, per point.
+    """
+    terms = np.concatenate([_turned(x), flow[:, None]], axis=1)  # (B, 4, 2, n)
+    u, v = terms[:, :, 0], terms[:, :, 1]
+    a, b = x[:, 0, None], x[:, 1, None]
+    found = np.stack([v, -u, b * u - a * v], axis=1)  # (B, 3, 4, n)
+    return found.reshape(len(x), 3, -1), x
 
 
-def _robust_turns(rows, left, both, sweeps=4, floor=1e-5):
-    """Rotation vectors (B, D, 3) from (B, D, n, 3) and (B, D, n), and their medians."""
-    weights = np.broadcast_to(both[:, None].astype(float), left.shape)
+def _turned(x):
+    """Flow (B, 3, 2, n) of points (B, 2, n) by a unit of each rotation."""
+    a, b = x[:, 0], x[:, 1]
+    flow = [[-a * b, -(1 + b**2)], [1 + a**2, a * b], [-b, a]]
+    return np.stack([np.stack(each, axis=1) for each in flow], axis=1)
+
+
+def _moved(directions, x):
+    """Flow (B, D, 2, n) of points (B, 2, n) of depth one by translations (B, D, 3)."""
+    return directions[..., :2, None] - directions[..., 2:, None] * x[:, None]
+
+
+def _turns_for(directions, equations, both):
+    """Rotation vectors for directions (B, D, 3), and scores (B, D)."""
+    linear, x = equations
+    rows = (directions @ linear).reshape(*directions.shape[:2], 4, -1)
+    along = _moved(directions, x)
+    rows /= (np.sqrt(along[:, :, 0] ** 2 + along[:, :, 1] ** 2) + 1e-3)[:, :, None]
+    return _robust_turns(rows, both)
+
+
+def _robust_turns(rows, both, sweeps=4, floor=1e-5):
+    """Rotation vectors (B, D, 3) by equations (B, D, 4, n), and median errors."""
+    both = both[:, None]
+    weights = np.broadcast_to(both, rows.shape[:2] + rows.shape[3:])
+    turns = np.full((*rows.shape[:2], 1, 4), -1.0)
     for _ in range(sweeps):
-        weighted = (rows * weights[..., None]).swapaxes(-1, -2)
-        normal = weighted @ rows + 1e-9 * np.eye(3)
-        turns = np.linalg.solve(normal, weighted @ left[..., None])
-        errors = np.abs(left - (rows @ turns)[..., 0])
-        medians = lower_medians(errors, both[:, None])
-        scale = np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
-        weights = both[:, None] / (1 + (errors / (2 * scale[..., None])) ** 2)
-    return turns[..., 0], medians
-
-
-def _flow_matrices(x):
-    """Matrices (..., 2, 3) that take rotation and translation over depth to flow."""
-    a, b = np.moveaxis(x, -1, 0)
-    one, zero = np.ones_like(a), np.zeros_like(a)
-    turning = [[-a * b, 1 + a**2, -b], [-(1 + b**2), a * b, a]]
-    moving = [[one, zero, -a], [zero, one, -b]]
-    return (
-        np.stack([np.stack(row, axis=-1) for row in turning], axis=-2),
-        np.stack([np.stack(row, axis=-1) for row in moving], axis=-2),
-    )
+        normal = (rows[:, :, :3] * weights[:, :, None]) @ rows.swapaxes(-1, -2)
+        matrix = np.moveaxis((normal[..., :3] + 1e-9 * np.eye(3))[UPPER], -1, 0)
+        found = solve_three(matrix, np.moveaxis(normal[..., 3], -1, 0))
+        turns[..., 0, :3] = np.stack(found, axis=-1)
+        errors = np.abs(turns @ rows)[:, :, 0]
+        medians = lower_medians(errors, both > 0)
+        scale = 2 * np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
+        weights = both / (1 + (errors / scale[..., None]) ** 2)
+    return turns[..., 0, :3], medians
