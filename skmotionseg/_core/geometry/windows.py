@@ -36,6 +36,23 @@ REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
 
 
+class Fits(NamedTuple):
+    """Motions of groups that are asked for.
+
+    Attributes
+    ----------
+    groups : list of ndarray of int
+    starts : list of list of RigidMotion, or None
+        For each group, as :meth:`Windows.refine` takes them; None for fits from several
+        starts of their own, as by :meth:`Windows.fit`.
+    most_tracks : int
+    """
+
+    groups: list
+    starts: list | None = None
+    most_tracks: int = MOST_FITTED
+
+
 class RigidMotion(NamedTuple):
     """The motion of a group in each window, and how far all tracks are from it.
 
@@ -138,8 +155,8 @@ class Windows:
         Parameters
         ----------
         groups : list of ndarray of int
-        most_tracks : int
-            Tracks of a group that its motion is fitted to.
+        most_tracks : int or list of int
+            Tracks of a group that its motion is fitted to, by group where they differ.
 
         Returns
         -------
@@ -147,8 +164,8 @@ class Windows:
         """
         poses = [[None] * len(self.frames) for _ in groups]
         for jobs in _batches(self._jobs(groups, most_tracks)):
-            x, seen, weights, floor = self._stacked(jobs)
-            fitted = fit_rigid_motions(x, seen, weights, floor, jobs[0].reference)
+            x, seen, weights, floor, references = self._stacked(jobs)
+            fitted = fit_rigid_motions(x, seen, weights, floor, references)
             for job, *pose in zip(jobs, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
         return self._motions(groups, poses)
@@ -178,12 +195,12 @@ class Windows:
         poses = [[None] * len(self.frames) for _ in groups]
         least: dict[tuple[int, int], float] = {}
         for some in _batches(jobs):
-            x, seen, weights, floor = self._stacked(some)
+            x, seen, weights, floor, references = self._stacked(some)
             stacked = Poses(
                 *map(np.stack, zip(*(job.start for job in some), strict=True))
             )
             fitted, costs = refine_rigid_motions(
-                x, seen, weights, floor, some[0].reference, stacked
+                x, seen, weights, floor, references, stacked
             )
             for job, cost, *pose in zip(some, costs, *fitted, strict=True):
                 place = job.group, job.window
@@ -191,6 +208,28 @@ class Windows:
                     least[place] = cost
                     poses[job.group][job.window] = Poses(*pose)
         return self._motions(groups, poses)
+
+    def answer(self, requests):
+        """The motions of several :class:`Fits`, all found in common batches.
+
+        Parameters
+        ----------
+        requests : list of Fits
+
+        Returns
+        -------
+        list of list of RigidMotion
+        """
+        new = [request for request in requests if request.starts is None]
+        old = [request for request in requests if request.starts is not None]
+        fitted = iter(self.fit(*_joined(new)))
+        groups, most_tracks = _joined(old)
+        starts = [start for request in old for start in request.starts]
+        refined = iter(self.refine(groups, starts, most_tracks))
+        return [
+            [next(fitted if starts is None else refined) for _ in groups]
+            for groups, starts, _ in requests
+        ]
 
     def _motions(self, groups, poses):
         """Motions with the residuals of all tracks from them."""
@@ -241,9 +280,10 @@ class Windows:
     def _jobs(self, groups, most_tracks):
         """What there is to fit: tracks of a group in a window."""
         jobs = []
-        for group, members in enumerate(groups):
+        most_tracks = np.broadcast_to(most_tracks, len(groups))
+        for group, (members, most) in enumerate(zip(groups, most_tracks, strict=True)):
             for window in range(len(self.frames)):
-                reference, tracks = self._some(members, window, most_tracks)
+                reference, tracks = self._some(members, window, most)
                 if len(tracks) >= FEWEST_TRACKS:
                     jobs.append(_Job(group, window, reference, tracks))
         return jobs
@@ -275,7 +315,7 @@ class Windows:
         return x - x.mean(axis=0)
 
     def _stacked(self, jobs):
-        """Coordinates, visibility, weights and floors of a batch."""
+        """Coordinates, visibility, weights, floors and references of a batch."""
         most = max(len(job.tracks) for job in jobs)
         x = np.zeros((len(jobs), most, self.frames.shape[1], 2))
         seen = np.zeros(x.shape[:3], dtype=bool)
@@ -285,7 +325,8 @@ class Windows:
             x[k, :n] = self.x[job.window, job.tracks]
             seen[k, :n] = self.seen[job.window, job.tracks]
             weights[k, :n] = 1
-        return x, seen, weights, np.full(len(jobs), self.least_noise)
+        references = np.array([job.reference for job in jobs])
+        return x, seen, weights, np.full(len(jobs), self.least_noise), references
 
 
 class _Job(NamedTuple):
@@ -298,12 +339,18 @@ class _Job(NamedTuple):
     start: Poses | None = None
 
 
+def _joined(requests):
+    """The groups of several requests, and how many tracks of each are fitted to."""
+    groups = [group for request in requests for group in request.groups]
+    most = [request.most_tracks for request in requests for _ in request.groups]
+    return groups, most
+
+
 def _batches(jobs):
-    """Jobs of one reference frame, so many at a time."""
-    for reference in sorted({job.reference for job in jobs}):
-        some = [job for job in jobs if job.reference == reference]
-        for start in range(0, len(some), BATCH):
-            yield some[start : start + BATCH]
+    """Jobs of about as many tracks, so many at a time."""
+    jobs = sorted(jobs, key=lambda job: len(job.tracks))
+    for start in range(0, len(jobs), BATCH):
+        yield jobs[start : start + BATCH]
 
 
 def window_frames(visibility):

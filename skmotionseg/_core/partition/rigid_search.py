@@ -9,16 +9,16 @@ and the graph has few links between them.
 
 from __future__ import annotations
 
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.rigid_motion import FREEDOM
-from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, RigidMotion
+from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, Fits, RigidMotion
 from ..labels import groups_of, indicator
 from .local_search import split
+from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
@@ -127,6 +127,9 @@ class _Pair(NamedTuple):
 class RigidSearch:
     """Rigid motions of groups of a clip's tracks, and partitions by them.
 
+    What fits motions is a search as in :mod:`.side_by_side`: a generator, which
+    :meth:`run` runs to its end, several side by side.
+
     Parameters
     ----------
     windows : Windows
@@ -151,6 +154,11 @@ class RigidSearch:
         self.simplest = simplest - np.diag(np.diagonal(simplest))
         self.scale = windows.least_noise
         self._motions, self.apart, self._apart_by_own = {}, {}, {}
+        self._total, self._links_of = self.simplest.sum(), {}
+
+    def run(self, *searches):
+        """What each of some searches returns, run side by side."""
+        return run(side_by_side(searches), self.windows.answer)
 
     def calibrate(self, labels):
         """Choose focal length and scale of the noise by the larger groups of labels.
@@ -192,23 +200,23 @@ class RigidSearch:
         return np.stack(costs, axis=1)
 
     def motions(self, labels):
-        """Rigid motions of the groups of a partition, each fitted once."""
+        """Search for rigid motions of the groups of a partition, each fitted once."""
         groups = groups_of(labels)
         new = [group for group in groups if group.tobytes() not in self._motions]
-        for group, motion in zip(new, self.windows.fit(new), strict=True):
-            self._motions[group.tobytes()] = motion
+        if new:
+            (fitted,) = yield [Fits(new)]
+            for group, motion in zip(new, fitted, strict=True):
+                self._motions[group.tobytes()] = motion
         return [self._motions[group.tobytes()] for group in groups]
 
     def energy(self, labels, motions):
         """Nats of a partition: of its tracks, and of links to other motions."""
-        cut, nats = self.terms(labels, motions)
-        return len(labels) * (nats + NATS_OF_LINKS * cut)
+        return _energy(labels, self.costs(motions), self._linked(labels, len(motions)))
 
     def terms(self, labels, motions):
         """Share of the links that a partition cuts, and nats, both per track."""
-        tracks = np.arange(len(labels))
-        own = self.costs(motions)[tracks, labels].mean()
-        return 1 - float(self._linked(labels)[tracks, labels].mean()), float(own)
+        linked = self._linked(labels, len(motions))
+        return _terms(labels, self.costs(motions), linked)
 
     def settled(self, labels, motions=None, rounds=2):
         """Assign tracks and fit motions in turn, for as long as that saves nats.
@@ -227,14 +235,17 @@ class RigidSearch:
             Of as many groups.
         motions : list of RigidMotion
         """
-        motions = self.motions(labels) if motions is None else motions
-        best = self.energy(labels, motions), labels, motions
+        if motions is None:
+            motions = yield from self.motions(labels)
+        costs, linked = self.costs(motions), self._linked(labels, len(motions))
+        best = _energy(labels, costs, linked), labels, motions
         for _ in range(rounds):
-            new = self._assigned(self.costs(motions), labels)
+            new, linked = self._assigned(costs, labels, linked)
             if np.bincount(new, minlength=len(motions)).min() < FEWEST_TRACKS:
                 break
-            motions = self._refitted(new, motions)
-            energy = self.energy(new, motions)
+            motions = yield from self._refitted(new, motions)
+            costs = self.costs(motions)
+            energy = _energy(new, costs, linked)
             if energy < best[0]:
                 best = energy, new, motions
             if np.array_equal(new, labels):
@@ -264,10 +275,11 @@ class RigidSearch:
         some = pairs[:JOINTLY_FITTED]
         if self._by_own_motions(pairs[0]).log_odds < 0:
             some = pairs[:1]
-        least = min(some, key=lambda pair: self._apartness(pair).log_odds)
-        if self._apartness(least).log_odds > 0:
-            least = min(pairs, key=lambda pair: self._apartness(pair).log_odds)
-        return (least.i, least.j), self._apartness(least)
+        apart = yield from self._apartnesses(some)
+        if min(apart, key=_log_odds).log_odds > 0:
+            some, apart = pairs, (yield from self._apartnesses(pairs))
+        k = min(range(len(some)), key=lambda k: apart[k].log_odds)
+        return (some[k].i, some[k].j), apart[k]
 
     def descent(self, labels, fewest):
         """Merge the two groups that are least apart, again and again.
@@ -283,17 +295,17 @@ class RigidSearch:
         list of Step
             One per number of groups, the most first.
         """
-        energy, labels, motions = self.settled(labels, rounds=1)
+        energy, labels, motions = yield from self.settled(labels, rounds=1)
         steps = []
         while labels.max() + 1 > fewest:
-            (i, j), least = self.least_apart(labels, motions)
+            (i, j), least = yield from self.least_apart(labels, motions)
             steps.append(Step(energy, labels, motions, (j, i), least.log_odds))
             motions = [*motions]
             motions[j] = least.joint
             del motions[i]
             labels = np.where(labels == i, j, labels)
             labels = labels - (labels > i)
-            energy, labels, motions = self.settled(labels, motions, rounds=1)
+            energy, labels, motions = yield from self.settled(labels, motions, 1)
         return [*steps, Step(energy, labels, motions)]
 
     def unexplained(self, labels, motions):
@@ -323,23 +335,22 @@ class RigidSearch:
                 if np.bincount(new).min() >= FEWEST_TRACKS:
                     yield new
 
-    def _assigned(self, costs, labels, sweeps=6):
-        """Labels of least cost, links to others of the label being worth something."""
+    def _assigned(self, costs, labels, linked, sweeps=6):
+        """Labels of least cost, links to others of the label being worth something.
+
+        With the share of each track's links that go to each of their groups.
+        """
         for _ in range(sweeps):
-            new = (costs - NATS_OF_LINKS * self._linked(labels, costs.shape[1])).argmin(
-                axis=1
-            )
+            new = (costs - NATS_OF_LINKS * linked).argmin(axis=1)
             if np.array_equal(new, labels):
                 break
-            labels = new
-        return labels
+            labels, linked = new, self._linked(new, costs.shape[1])
+        return labels, linked
 
-    def _linked(self, labels, n_groups=None):
+    def _linked(self, labels, n_groups):
         """The share of each track's links that go to each group: (n, M)."""
         X = indicator(labels)
-        if n_groups is not None:
-            X = np.pad(X, ((0, 0), (0, n_groups - X.shape[1])))
-        links = self.affinity @ X
+        links = self.affinity @ np.pad(X, ((0, 0), (0, n_groups - X.shape[1])))
         degrees = self.degrees[:, None]
         return np.divide(links, degrees, out=np.zeros_like(links), where=degrees > 0)
 
@@ -355,11 +366,11 @@ class RigidSearch:
             if not np.array_equal(group, motion.tracks)
         ]
         motions = [*motions]
-        refined = self.windows.refine(
-            [groups[k] for k in new], [[motions[k]] for k in new]
-        )
-        for k, motion in zip(new, refined, strict=True):
-            motions[k] = motion
+        if new:
+            starts = [[motions[k]] for k in new]
+            (refined,) = yield [Fits([groups[k] for k in new], starts)]
+            for k, motion in zip(new, refined, strict=True):
+                motions[k] = motion
         return motions
 
     def _inliers(self, group, motion):
@@ -377,26 +388,27 @@ class RigidSearch:
             self._apart_by_own[key] = self._apartness_by(pair, pair.motions)
         return self._apart_by_own[key]
 
-    def _apartness(self, pair):
-        """The :class:`Apartness` of two groups, computed once."""
-        if pair.key not in self.apart:
-            best = self._by_own_motions(pair)
-            if best.log_odds > SURELY_ONE:
-                best = self._compared(pair)
-            self.apart[pair.key] = best
-        return self.apart[pair.key]
+    def _apartnesses(self, pairs):
+        """The :class:`Apartness` of pairs of groups, each computed once."""
+        new = [pair for pair in pairs if pair.key not in self.apart]
+        found = yield from side_by_side(map(self._compared, new))
+        self.apart.update(zip((pair.key for pair in new), found, strict=True))
+        return [self.apart[pair.key] for pair in pairs]
 
     def _compared(self, pair):
         """The :class:`Apartness` of two groups, all motions fitted to more tracks."""
+        best = self._by_own_motions(pair)
+        if best.log_odds <= SURELY_ONE:
+            return best
         both = [np.union1d(*pair.groups)]
-        fit = partial(self.windows.refine, most_tracks=MOST_COMPARED)
-        own = fit(list(pair.groups), [[motion] for motion in pair.motions])
+        starts = [[motion] for motion in pair.motions]
+        (own,) = yield [Fits([*pair.groups], starts, MOST_COMPARED)]
         pair = pair._replace(motions=tuple(own))
-        joints = [*own, *fit(both, [own])]
-        best = self._apartness_by(pair, joints)
+        (joint,) = yield [Fits(both, [own], MOST_COMPARED)]
+        best = self._apartness_by(pair, [*own, *joint])
         if best.log_odds > 0:
-            joints += self.windows.fit(both, most_tracks=MOST_COMPARED)
-            best = self._apartness_by(pair, joints)
+            (anew,) = yield [Fits(both, None, MOST_COMPARED)]
+            best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
 
     def _apartness_by(self, pair, joints):
@@ -412,10 +424,16 @@ class RigidSearch:
 
     def _links(self, first, second):
         """The links between two groups over those that chance would give."""
-        found = self.simplest[np.ix_(first, second)].sum()
-        chance = self.simplest[first].sum() * self.simplest[second].sum()
-        total = self.simplest.sum()
-        return float(found * total / chance) if chance > 0 else 0.0
+        one, other = self._links_from(first), self._links_from(second)
+        chance = one.sum() * other.sum()
+        return float(one[second].sum() * self._total / chance) if chance > 0 else 0.0
+
+    def _links_from(self, group):
+        """The links of each track to those of a group, summed once."""
+        key = group.tobytes()
+        if key not in self._links_of:
+            self._links_of[key] = self.simplest[group].sum(axis=0)
+        return self._links_of[key]
 
     def _gain(self, groups, own, joints):
         """How much worse the best of some motions is for two groups than their own.
@@ -434,6 +452,17 @@ class RigidSearch:
                 totals[k] += np.log(ratio[(known > 0) & (also > 0)]).sum()
         k = int(totals.argmin())
         return totals[k] / min(map(len, groups)), joints[k]
+
+
+def _energy(labels, costs, linked):
+    cut, nats = _terms(labels, costs, linked)
+    return len(labels) * (nats + NATS_OF_LINKS * cut)
+
+
+def _terms(labels, costs, linked):
+    tracks = np.arange(len(labels))
+    cut = 1 - float(linked[tracks, labels].mean())
+    return cut, float(costs[tracks, labels].mean())
 
 
 class RigidPartitions(NamedTuple):
@@ -474,7 +503,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     """
     fewest, most = int(counts[0]), int(counts[-1])
     search.calibrate(over_segments[0])
-    paths = [search.descent(some, 1) for some in over_segments]
+    bisect = _once_per_group(bisect)
+    paths = search.run(*(search.descent(some, 1) for some in over_segments))
     steps: dict[int, Step] = {}
     for step in (step for path in paths for step in path):
         n = step.n_motions
@@ -482,15 +512,15 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
             steps[n] = step
     chosen = max(_n_apart(path, fewest, most) for path in paths)
     while True:
-        found = _of_number(search, chosen, paths, candidates, bisect)
+        (found,) = search.run(_of_number(search, chosen, paths, candidates, bisect))
         if found is None:
             return None
-        steps[chosen] = _improved(search, found, bisect)
+        (steps[chosen],) = search.run(_improved(search, found, bisect))
         if chosen == fewest or steps[chosen].log_odds > 0:
             break
         chosen -= 1
     while chosen < most:
-        grown = _split_best(search, steps[chosen], bisect)
+        (grown,) = search.run(_split_best(search, steps[chosen], bisect))
         if grown is None or grown.log_odds <= 0:
             break
         chosen += 1
@@ -509,22 +539,43 @@ def _n_apart(path, fewest, most):
     return max((n for n in apart if fewest <= n <= most), default=fewest)
 
 
+def _once_per_group(bisect):
+    """The same function, remembering what it returned."""
+    known = {}
+
+    def remembered(group):
+        key = group.tobytes()
+        if key not in known:
+            known[key] = bisect(group)
+        return known[key]
+
+    return remembered
+
+
 def _of_number(search, n_motions, paths, candidates, bisect):
     """The best partition into so many motions, from several starts."""
-    found = [
+    settled = [
         search.settled(step.labels, step.motions, ROUNDS)
         for path in paths
         for step in path
         if step.n_motions == n_motions
     ]
-    found += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
-    found = [
-        _with_odds(search, Step(*each))
-        for each in found
-        if each[1].max() + 1 == n_motions
-    ]
-    found += [_apart_and_split(search, path, n_motions, bisect) for path in paths]
+    settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
+    searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
+    searches += [_apart_and_split(search, path, n_motions, bisect) for path in paths]
+    return _best(searches)
+
+
+def _best(searches):
+    """The best of the steps that are found."""
+    found = yield from side_by_side(searches)
     return min((each for each in found if each is not None), key=_rank, default=None)
+
+
+def _step_of(search, settled, accepted):
+    """The step of a partition that is settled, if its number of motions is accepted."""
+    step = Step(*(yield from settled))
+    return (yield from _with_odds(search, step)) if accepted(step.n_motions) else None
 
 
 def _apart_and_split(search, path, n_motions, bisect):
@@ -532,35 +583,38 @@ def _apart_and_split(search, path, n_motions, bisect):
     apart = [step for step in path if step.log_odds > 0 and step.n_motions < n_motions]
     step = apart[0] if apart else None
     while step is not None and step.n_motions < n_motions:
-        step = _split_best(search, step, bisect)
+        step = yield from _split_best(search, step, bisect)
     return step
 
 
 def _improved(search, best, bisect):
     """A better partition: a group is split, and two others merged."""
     for _ in range(MOST_CHANGES):
-        new = [
-            search.descent(some, best.n_motions)[-1]
-            for some in _splits(search, best, bisect)
-        ]
-        new = [
-            _with_odds(search, each)
-            for each in new
-            if each.n_motions == best.n_motions
-            and (each.energy < best.energy or best.log_odds < 0)
-        ]
-        better = min(new, key=_rank, default=best)
-        if not _rank(better) < _rank(best):
+        changed = _splits(search, best, bisect)
+        better = yield from _best(_merged(search, some, best) for some in changed)
+        if better is None or not _rank(better) < _rank(best):
             break
         best = better
     return best
 
 
+def _merged(search, labels, best):
+    """The step at the end of a descent to as many motions, if it may be better."""
+    step = (yield from search.descent(labels, best.n_motions))[-1]
+    if step.n_motions == best.n_motions and (
+        step.energy < best.energy or best.log_odds < 0
+    ):
+        return (yield from _with_odds(search, step))
+    return None
+
+
 def _split_best(search, step, bisect):
     """The best partition with one group more; None if none can be parted."""
-    new = [Step(*search.settled(some)) for some in _splits(search, step, bisect)]
-    new = [_with_odds(search, each) for each in new if each.n_motions > step.n_motions]
-    return min(new, key=_rank, default=None)
+    more = step.n_motions.__lt__
+    return _best(
+        _step_of(search, search.settled(some), more)
+        for some in _splits(search, step, bisect)
+    )
 
 
 def _splits(search, step, bisect):
@@ -573,5 +627,5 @@ def _with_odds(search, step):
     """A partition with the two groups that are least apart."""
     if step.n_motions == 1:
         return step
-    (i, j), least = search.least_apart(step.labels, step.motions)
+    (i, j), least = yield from search.least_apart(step.labels, step.motions)
     return step._replace(pair=(j, i), log_odds=least.log_odds)
