@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from skmotionseg._core.geometry.poses import rotations_of
+from skmotionseg._core.geometry.poses import images_of, rotations_of
 from skmotionseg._core.geometry.rigid_motion import observed
 from skmotionseg._core.geometry.starts import (
     DEGREES_APART,
     N_DIRECTIONS,
+    N_STARTS,
     _around,
     _best_apart,
     _directions,
@@ -61,8 +62,8 @@ def test_driving_ahead_starts_near_the_truth_at_any_speed():
     x = (points[..., :2] / points[..., 2:])[None]
     seen = np.ones(x.shape[:3], dtype=bool)
     problems = observed(x, seen, np.ones((1, 40)), np.full(1, 1e-4), 2)
-    rotations, translations, found = starting_motions(problems)
-    turned = np.einsum("sfij,nj->sfni", rotations[0], rays)
-    images = turned + found[0][:, None, :, None] * translations[0][:, :, None]
-    errors = images[..., :2] / images[..., 2:] - np.delete(x[0], 2, 1).swapaxes(0, 1)
-    assert np.median(np.abs(errors), axis=(1, 2, 3)).min() < 2e-3
+    repeated = problems.of(np.zeros(N_STARTS, dtype=int))
+    rotations, translations, depths = starting_motions(problems, repeated)
+    images, _, _ = images_of(repeated.rays, depths, rotations, translations)
+    errors = np.abs(images - repeated.x)  # (2, L, S, n)
+    assert np.median(errors, axis=(0, 1, 3)).min() < 2e-3

@@ -67,34 +67,80 @@ def kept_away(distance):
     )
 
 
+def images_of(rays, depths, rotations, translations):
+    """Images of points in other frames.
+
+    Coordinates come first and points last, so that what is done to all of them is done
+    in long loops.
+
+    Parameters
+    ----------
+    rays : ndarray of shape (3, B, n)
+        Of the points in a reference frame.
+    depths : ndarray of shape (B, n)
+        Inverse, in the reference frame.
+    rotations : ndarray of shape (L, B, 3, 3)
+    translations : ndarray of shape (L, B, 3)
+
+    Returns
+    -------
+    image : ndarray of shape (2, L, B, n)
+    turned : ndarray of shape (3, L, B, n)
+        Rays in the other frames.
+    distance : ndarray of shape (L, B, n)
+        Along the optical axis.
+    """
+    rows = np.moveaxis(rotations, -2, 0)[..., None, :]  # (3, L, B, 1, 3)
+    turned = (rows @ rays.swapaxes(0, 1))[..., 0, :]
+    points = turned + depths * np.moveaxis(translations, -1, 0)[..., None]
+    distance = kept_away(points[2])
+    return points[:2] / distance, turned, distance
+
+
 def image_derivatives(image, turned, depths, factor):
     """Derivatives of images by their poses, times a factor per point.
 
     Parameters
     ----------
-    image : ndarray of shape (..., 2, n)
-    turned : ndarray of shape (..., 3, n)
-        Rays in the frame of the image.
-    depths : ndarray of shape (..., n)
-        Inverse, in the reference frame.
-    factor : ndarray of shape (..., n)
+    image, turned
+        As from :func:`images_of`.
+    depths : ndarray of shape (B, n)
+    factor : ndarray of shape (L, B, n)
         One over the distance along the optical axis, times any weight.
 
     Returns
     -------
-    ndarray of shape (..., 6, 2, n)
+    ndarray of shape (2, 6, L, B, n)
         By a rotation vector, applied after the rotation, and by the translation.
     """
-    u, v = image[..., 0, :], image[..., 1, :]
-    a, b, c = (turned[..., i, :] * factor for i in range(3))
-    moved = depths * factor
-    found = np.zeros((*u.shape[:-1], 6, 2, u.shape[-1]))
-    found[..., 0, 0, :], found[..., 0, 1, :] = -u * b, -(c + v * b)
-    found[..., 1, 0, :], found[..., 1, 1, :] = c + u * a, v * a
-    found[..., 2, 0, :], found[..., 2, 1, :] = -b, a
-    found[..., 3, 0, :] = found[..., 4, 1, :] = moved
-    found[..., 5, 0, :], found[..., 5, 1, :] = -u * moved, -v * moved
+    (u, v), (a, b, c), moved = image, turned * factor, depths * factor
+    found = np.empty((2, 6, *factor.shape))
+    found[0, 0], found[1, 0] = -u * b, -(c + v * b)
+    found[0, 1], found[1, 1] = c + u * a, v * a
+    found[0, 2], found[1, 2] = -b, a
+    found[0, 3], found[1, 3] = moved, 0
+    found[0, 4], found[1, 4] = 0, moved
+    np.multiply(image, -moved, out=found[:, 5])
     return found
+
+
+def normal_equations(rows, left):
+    """Products of the rows of derivatives, and with what they are to explain.
+
+    Parameters
+    ----------
+    rows : ndarray of shape (2, 6, L, B, n)
+    left : ndarray of shape (2, L, B, n)
+
+    Returns
+    -------
+    normal : ndarray of shape (L, B, 6, 6)
+    right : ndarray of shape (L, B, 6, 1)
+    """
+    rows = np.moveaxis(rows, 1, -2)  # (2, L, B, 6, n)
+    normal = rows @ rows.swapaxes(-1, -2)
+    right = rows @ left[..., None]
+    return normal[0] + normal[1], right[0] + right[1]
 
 
 def solve_three(matrix, right):

@@ -12,7 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .poses import image_derivatives, kept_away, lower_medians, rotations_of
+from .poses import (
+    image_derivatives,
+    images_of,
+    lower_medians,
+    normal_equations,
+    rotations_of,
+)
 
 ITERATIONS = 6
 # Residuals are weighted by Cauchy's function of this many medians.
@@ -53,43 +59,68 @@ def resect(rays, depths, x, weights, starts, floor, iterations=ITERATIONS):
 
     Parameters
     ----------
-    rays : ndarray of shape (..., n, 3)
-        Of the points in a reference frame. The first axes of all arguments broadcast.
-    depths : ndarray of shape (..., n)
+    rays : ndarray of shape (B, n, 3)
+        Of the points in a reference frame.
+    depths : ndarray of shape (B, n)
         Inverse, in the reference frame.
-    x : ndarray of shape (..., n, 2)
+    x : ndarray of shape (B, n, 2)
         Calibrated coordinates in the new frame.
-    weights : ndarray of shape (..., n)
+    weights : ndarray of shape (B, n)
         0 for points that are not seen in it.
-    starts : (ndarray of shape (..., 3, 3), ndarray of shape (..., 3))
-        Rotations and translations to begin with, of all axes.
-    floor : float or ndarray of shape (...)
+    starts : (ndarray of shape (B, 3, 3), ndarray of shape (B, 3))
+        Rotations and translations to begin with.
+    floor : float or ndarray of shape (B,)
         Least scale of the residuals.
     iterations : int, optional
 
     Returns
     -------
-    rotations : ndarray of shape (..., 3, 3)
-    translations : ndarray of shape (..., 3)
-    medians : ndarray of shape (...)
+    rotations : ndarray of shape (B, 3, 3)
+    translations : ndarray of shape (B, 3)
+    medians : ndarray of shape (B,)
         Of the residuals' lengths; infinite where no point is seen.
     """
+    rays, x = (np.ascontiguousarray(np.moveaxis(each, -1, 0)) for each in (rays, x))
+    starts = [each[None] for each in starts]
+    found = resect_frames(
+        rays, depths, x[:, None], weights[None], starts, floor, iterations
+    )
+    return tuple(each[0] for each in found)
+
+
+def resect_frames(rays, depths, x, weights, starts, floor, iterations):
+    """Poses as by :func:`resect` in several frames at once.
+
+    Parameters
+    ----------
+    rays : ndarray of shape (3, B, n)
+    depths : ndarray of shape (B, n)
+    x : ndarray of shape (2, L, B, n)
+    weights : ndarray of shape (L, B, n)
+    starts : (ndarray of shape (L, B, 3, 3), ndarray of shape (L, B, 3))
+    floor : float or ndarray of shape (B,)
+    iterations : int
+
+    Returns
+    -------
+    rotations : ndarray of shape (L, B, 3, 3)
+    translations : ndarray of shape (L, B, 3)
+    medians : ndarray of shape (L, B)
+    """
     rotations, translations = starts
-    rays, x = rays.swapaxes(-1, -2), x.swapaxes(-1, -2)
+    counted = weights > 0
     for _ in range(iterations):
-        image, turned, distance = _seen_from(rays, depths, rotations, translations)
-        residuals = x - image
-        sizes = np.sqrt(residuals[..., 0, :] ** 2 + residuals[..., 1, :] ** 2)
-        scale = MEDIANS * np.maximum(lower_medians(sizes, weights > 0), floor)
+        image, turned, distance = images_of(rays, depths, rotations, translations)
+        residuals, sizes = _residuals(x, image)
+        scale = MEDIANS * np.maximum(lower_medians(sizes, counted), floor)
         scale = np.where(np.isfinite(scale), scale, 1)[..., None]
         root = np.sqrt(weights / (1 + (sizes / scale) ** 2))
         rows = image_derivatives(image, turned, depths, root / distance)
-        change = _least_squares(rows, residuals * root[..., None, :])
+        change = _least_squares(rows, residuals * root)
         rotations = rotations_of(change[..., :3]) @ rotations
         translations = translations + change[..., 3:]
-    residuals = x - _seen_from(rays, depths, rotations, translations)[0]
-    sizes = np.sqrt(residuals[..., 0, :] ** 2 + residuals[..., 1, :] ** 2)
-    return rotations, translations, lower_medians(sizes, weights > 0)
+    _, sizes = _residuals(x, images_of(rays, depths, rotations, translations)[0])
+    return rotations, translations, lower_medians(sizes, counted)
 
 
 def next_poses(poses, valid):
@@ -118,19 +149,14 @@ def next_poses(poses, valid):
     )
 
 
-def _seen_from(rays, depths, rotations, translations):
-    """Images (..., 2, n), turned rays (..., 3, n) and distances (..., n) of points."""
-    turned = rotations @ rays
-    points = turned + depths[..., None, :] * translations[..., None]
-    distance = kept_away(points[..., 2, :])
-    return points[..., :2, :] / distance[..., None, :], turned, distance
+def _residuals(x, image):
+    residuals = x - image
+    return residuals, np.sqrt(residuals[0] ** 2 + residuals[1] ** 2)
 
 
 def _least_squares(rows, left):
-    """Damped least squares (..., 6) from (..., 6, 2, n) and (..., 2, n)."""
-    rows = rows.reshape(*rows.shape[:-2], -1)
-    left = left.reshape(*left.shape[:-2], -1, 1)
-    normal = rows @ rows.swapaxes(-1, -2)
+    """Damped least squares (L, B, 6) from (2, 6, L, B, n) and (2, L, B, n)."""
+    normal, right = normal_equations(rows, left)
     diagonal = np.diagonal(normal, axis1=-2, axis2=-1)
     more = DAMPING * (diagonal + diagonal.mean(axis=-1, keepdims=True)) + 1e-12
-    return np.linalg.solve(normal + more[..., None] * np.eye(6), rows @ left)[..., 0]
+    return np.linalg.solve(normal + more[..., None] * np.eye(6), right)[..., 0]

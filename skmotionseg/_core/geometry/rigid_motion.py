@@ -24,13 +24,15 @@ import numpy as np
 from .poses import (
     Poses,
     image_derivatives,
+    images_of,
     kept_away,
     lower_medians,
+    normal_equations,
     relative_to,
     rotations_of,
     solve_three,
 )
-from .starts import starting_motions
+from .starts import N_STARTS, starting_motions
 
 # Iterations from each start and from the best.
 FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
@@ -48,43 +50,47 @@ PAIRS = np.array([[0, 0, 0, 1, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 2, 3, 3, 3]])
 
 
 class Problems(NamedTuple):
-    """Observations of a batch, in all frames but the reference; points are last."""
+    """Observations of a batch, in all frames but the reference."""
 
-    x: np.ndarray  # (B, L, 2, n)
-    seen: np.ndarray  # (B, L, n), 0 or 1
-    rays: np.ndarray  # (B, 3, n), in the reference frame
+    x: np.ndarray  # (2, L, B, n)
+    seen: np.ndarray  # (L, B, n), 0 or 1
+    rays: np.ndarray  # (3, B, n), in the reference frame
     weights: np.ndarray  # (B, n), 0 for tracks that do not count
-    floor: np.ndarray  # (B,), least scale of residuals
     counted: np.ndarray  # (B, n), whether a track has a weight and a residual
     freedom: np.ndarray  # (B, n), residuals per track, less its depth
-    reference: np.ndarray  # (B,), frame in which depths are measured
-    ahead: np.ndarray  # (B, L), frames from the reference to each
+    floor: np.ndarray  # (B, 1), least scale of residuals
+    reference: np.ndarray  # (B, 1), frame in which depths are measured
+    ahead: np.ndarray  # (L, B, 1), frames from the reference to each
 
     def of(self, some):
         """Some of the problems, or all of them some times over."""
-        return Problems(*(each[some] for each in self))
+        return Problems(*(each[..., some, :] for each in self))
 
 
 class _State(NamedTuple):
     """Poses and depths of a batch, and what they leave."""
 
-    rotations: np.ndarray  # (B, L, 3, 3)
-    translations: np.ndarray  # (B, L, 3)
+    rotations: np.ndarray  # (L, B, 3, 3)
+    translations: np.ndarray  # (L, B, 3)
     depths: np.ndarray  # (B, n), inverse
-    image: np.ndarray  # (B, L, 2, n)
-    turned: np.ndarray  # (B, L, 3, n), rays in the other frames
-    distance: np.ndarray  # (B, L, n), along the optical axis
-    residuals: np.ndarray  # (B, L, 2, n)
+    image: np.ndarray  # (2, L, B, n)
+    turned: np.ndarray  # (3, L, B, n), rays in the other frames
+    distance: np.ndarray  # (L, B, n), along the optical axis
+    residuals: np.ndarray  # (2, L, B, n)
     squares: np.ndarray  # (B, n), summed over the frames
-
-    def replace(self, some, other):
-        """Replace the states of some problems, in place."""
-        for old, new in zip(self, other, strict=True):
-            old[some] = new
 
     def of(self, some):
         """Of some of the problems."""
-        return _State(*(each[some] for each in self))
+        places = self._places(some)
+        return _State(*(each[at] for each, at in zip(self, places, strict=True)))
+
+    def replace(self, some, other):
+        """Replace the states of some problems, in place."""
+        for old, new, at in zip(self, other, self._places(some), strict=True):
+            old[at] = new
+
+    def _places(self, some):
+        return [(slice(None), some)] * 2 + [(..., some, slice(None))] * 6
 
 
 def fit_rigid_motions(x, seen, weights, floor, reference):
@@ -107,15 +113,13 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
     Poses
     """
     problems = observed(x, seen, weights, floor, reference)
-    starts = starting_motions(problems)
-    times = starts[2].shape[1]
-    repeated = problems.of(np.repeat(np.arange(len(x)), times))
-    state = _state(repeated, *(each.reshape(-1, *each.shape[2:]) for each in starts))
+    repeated = problems.of(np.repeat(np.arange(len(x)), N_STARTS))
+    state = _state(repeated, *starting_motions(problems, repeated))
     state = _minimise(repeated, state, FIRST_ITERATIONS)
     # Compared at one scale per problem, the least of its starts'.
-    scale = _scale(repeated, state).reshape(-1, times).min(axis=1)
-    costs = _cost(repeated, state, np.repeat(scale, times)).reshape(-1, times)
-    best = np.arange(len(x)) * times + costs.argmin(axis=1)
+    scale = _scale(repeated, state).reshape(-1, N_STARTS).min(axis=1)
+    costs = _cost(repeated, state, np.repeat(scale, N_STARTS)[:, None])
+    best = costs.reshape(-1, N_STARTS).argmin(axis=1) + N_STARTS * np.arange(len(x))
     return _poses(problems, _minimise(problems, state.of(best), LAST_ITERATIONS))
 
 
@@ -131,11 +135,9 @@ def refine_rigid_motions(
         By which starts for the same tracks compare.
     """
     problems = observed(x, seen, weights, floor, reference)
-    poses = relative_to(poses, problems.reference)
-    others = problems.reference[:, None] + problems.ahead
-    rotations, translations = (
-        each[np.arange(len(x))[:, None], others] for each in poses
-    )
+    poses = relative_to(poses, problems.reference[:, 0])
+    places = np.arange(len(x)), _frames(problems)
+    rotations, translations = (each[places] for each in poses)
     depths = _depths(problems, rotations, translations)
     state = _state(problems, rotations, translations, depths)
     state = _minimise(problems, state, iterations)
@@ -231,66 +233,69 @@ def observed(x, seen, weights, floor, reference):
     B, n, L = seen.shape
     batch = np.arange(B)
     reference = np.broadcast_to(reference, B)
-    others = np.arange(L - 1) + (np.arange(L - 1) >= reference[:, None])  # (B, L - 1)
-    there = seen[batch, :, reference] & (weights > 0)
-    seen = seen.swapaxes(1, 2)[batch[:, None], others] & there[:, None]
-    x = x.transpose(0, 2, 3, 1)
-    rays = np.concatenate([x[batch, reference], np.ones((B, 1, n))], axis=1)
-    times_seen = seen.sum(axis=1)
+    ahead = np.arange(L - 1)[:, None]
+    ahead = ahead + (ahead >= reference) - reference  # (L - 1, B)
+    x, seen = x.transpose(3, 2, 0, 1), seen.transpose(2, 0, 1)  # (2, L, B, n)
+    there = seen[reference, batch] & (weights > 0)
+    rays = np.concatenate([x[:, reference, batch], np.ones((1, B, n))])
+    seen = seen[reference + ahead, batch] & there
+    times_seen = seen.sum(axis=0)
     return Problems(
-        x=x[batch[:, None], others],
+        x=x[:, reference + ahead, batch],
         seen=seen.astype(float),
         rays=rays,
         weights=weights * there,
-        floor=floor,
         counted=there & (times_seen > 0),
         freedom=np.maximum(2 * times_seen - 1, 1),
-        reference=reference,
-        ahead=others - reference[:, None],
+        floor=floor[:, None],
+        reference=reference[:, None],
+        ahead=ahead[..., None],
     )
+
+
+def _frames(problems):
+    """The frames (L, B) of the window that are not the reference."""
+    return (problems.reference + problems.ahead)[..., 0]
 
 
 def _poses(problems, state):
     """Poses in all frames, the reference one too."""
-    B, L = problems.ahead.shape
+    frames = _frames(problems)
+    L, B = frames.shape
     rotations = np.tile(np.eye(3), (B, L + 1, 1, 1))
     translations = np.zeros((B, L + 1, 3))
-    places = np.arange(B)[:, None], problems.reference[:, None] + problems.ahead
+    places = np.arange(B), frames
     rotations[places], translations[places] = state.rotations, state.translations
     return Poses(rotations, translations)
 
 
 def _state(problems, rotations, translations, depths):
-    turned = rotations @ problems.rays[:, None]  # (B, L, 3, n)
-    points = turned + depths[:, None, None] * translations[..., None]
-    distance = kept_away(points[:, :, 2])
-    image = points[:, :, :2] / distance[:, :, None]
-    residuals = (problems.x - image) * problems.seen[:, :, None]
-    squares = (residuals**2).sum(axis=(1, 2))
+    image, turned, distance = images_of(problems.rays, depths, rotations, translations)
+    residuals = (problems.x - image) * problems.seen
+    squares = (residuals**2).sum(axis=(0, 1))
     return _State(
         rotations, translations, depths, image, turned, distance, residuals, squares
     )
 
 
 def _scale(problems, state):
-    """Robust standard deviation of the residuals, at least the floor: (B,)."""
+    """Robust standard deviation of the residuals, at least the floor: (B, 1)."""
     medians = lower_medians(state.squares / problems.freedom, problems.counted)
-    medians = np.where(np.isfinite(medians), medians, 0)
+    medians = np.where(np.isfinite(medians), medians, 0)[:, None]
     return np.maximum(problems.floor, SCALE_OF_MEDIAN * np.sqrt(medians))
 
 
 def _cost(problems, state, scale):
     """Student-t cost of the residuals of all tracks, in nats: (B,)."""
-    unit = FREEDOM * scale[:, None] ** 2
-    costs = (FREEDOM + problems.freedom) * np.log1p(state.squares / unit)
-    return (problems.weights * costs).sum(axis=1)
+    costs = np.log1p(state.squares / (FREEDOM * scale**2))
+    return (problems.weights * (FREEDOM + problems.freedom) * costs).sum(axis=1)
 
 
 def _minimise(problems, state, iterations):
     """Levenberg-Marquardt, until a step changes little; the scale of the residuals
     follows. Problems that have converged are left out of further steps."""
     found = _State(*map(np.array, state))
-    left = np.arange(len(problems.x))
+    left = np.arange(len(state.depths))
     damping = np.full(len(left), 1e-2)
     for _ in range(iterations):
         scale = _scale(problems, state)
@@ -310,24 +315,24 @@ def _minimise(problems, state, iterations):
 
 def _stepped(problems, state, scale, damping):
     """The state after one damped Gauss-Newton step, the depths eliminated."""
-    B, L, n = problems.seen.shape
-    spread = FREEDOM * scale[:, None] ** 2 + state.squares
+    L, B, n = problems.seen.shape
+    spread = FREEDOM * scale**2 + state.squares
     root = np.sqrt(problems.weights * (FREEDOM + problems.freedom) / spread)  # (B, n)
-    left = (state.residuals * root[:, None, None]).reshape(B, L, 2 * n, 1)
-    poses, depths = _jacobians(problems, state, root)  # (B, L, 6, 2, n), (B, L, 2, n)
-    mixed = (poses * depths[:, :, None]).sum(axis=3).reshape(B, 6 * L, n)
-    of_depths = (depths**2).sum(axis=(1, 2))  # (B, n)
-    right_depths = (depths * left.reshape(B, L, 2, n)).sum(axis=(1, 2))
-    of_depths = of_depths * (1 + damping[:, None])
+    left = state.residuals * root
+    poses, depths = _jacobians(problems, state, root)
+    normal, right = normal_equations(poses, left)  # (L, B, 6, 6), (L, B, 6, 1)
+    mixed = poses[0] * depths[0] + poses[1] * depths[1]  # (6, L, B, n)
+    mixed = mixed.reshape(6 * L, B, n).swapaxes(0, 1)
+    of_depths = (depths**2).sum(axis=(0, 1)) * (1 + damping[:, None])
     of_depths += 1e-9 * of_depths.max(axis=1, keepdims=True) + 1e-30
+    right_depths = (depths * left).sum(axis=(0, 1))  # (B, n)
     shares = mixed / of_depths[:, None]
-    poses = poses.reshape(B, L, 6, 2 * n)
-    normal = poses @ poses.swapaxes(-1, -2)  # (B, L, 6, 6)
     reduced = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
-    right = (poses @ left).reshape(B, 6 * L, 1) - shares @ right_depths[..., None]
+    right = right.transpose(1, 2, 0, 3).reshape(B, 6 * L, 1)
+    right = right - shares @ right_depths[..., None]
     change = np.linalg.solve(reduced, right)[..., 0]  # (B, 6 L)
     change_depths = (right_depths - (change[:, None] @ mixed)[:, 0]) / of_depths
-    change = change.reshape(B, L, 6)
+    change = change.reshape(B, 6, L).transpose(2, 0, 1)  # (L, B, 6)
     return _state(
         problems,
         rotations_of(change[..., :3]) @ state.rotations,
@@ -337,34 +342,30 @@ def _stepped(problems, state, scale, damping):
 
 
 def _damped_blocks(normal, damping):
-    """Block-diagonal matrices (B, 6 L, 6 L) of damped blocks (B, L, 6, 6)."""
-    B, L = normal.shape[:2]
-    diagonal = np.diagonal(normal, axis1=2, axis2=3)
-    more = damping[:, None, None] * diagonal
-    more = more + 1e-7 * diagonal.mean(axis=(1, 2), keepdims=True) + 1e-30
-    blocks = np.zeros((B, L, 6, L, 6))
+    """Matrices (B, 6 L, 6 L) of damped blocks (L, B, 6, 6), one per frame."""
+    L, B = normal.shape[:2]
+    diagonal = np.diagonal(normal, axis1=2, axis2=3)  # (L, B, 6)
+    more = damping[:, None] * diagonal
+    more = more + 1e-7 * diagonal.mean(axis=(0, 2))[:, None] + 1e-30
+    blocks = np.zeros((B, 6, L, 6, L))
     frames = np.arange(L)
-    blocks[:, frames, :, frames] = (normal + more[..., None] * np.eye(6)).swapaxes(0, 1)
+    blocks[:, :, frames, :, frames] = normal + more[..., None] * np.eye(6)
     return blocks.reshape(B, 6 * L, 6 * L)
 
 
 def _jacobians(problems, state, root):
-    """Derivatives of images by poses, (B, L, 6, 2, n), and by depths, (B, L, 2, n),
+    """Derivatives of images by poses, (2, 6, L, B, n), and by depths, (2, L, B, n),
     times a root of a weight per track."""
-    factor = problems.seen * root[:, None] / state.distance
-    depths = state.depths[:, None]
-    poses = image_derivatives(state.image, state.turned, depths, factor)
-    t = state.translations[..., None]  # (B, L, 3, 1)
-    moved = (t[:, :, :2] - state.image * t[:, :, 2:]) * factor[:, :, None]
-    return poses, moved
+    factor = problems.seen * root / state.distance
+    poses = image_derivatives(state.image, state.turned, state.depths, factor)
+    t = np.moveaxis(state.translations, -1, 0)[..., None]  # (3, L, B, 1)
+    return poses, (t[:2] - state.image * t[2]) * factor
 
 
 def _depths(problems, rotations, translations):
     """Inverse depths (B, n) of least algebraic error for given poses."""
-    turned = rotations @ problems.rays[:, None]  # (B, L, 3, n)
-    t = translations[..., None]
-    seen = problems.seen[:, :, None]
-    slope = (problems.x * t[:, :, 2:] - t[:, :, :2]) * seen
-    left = (turned[:, :, :2] - problems.x * turned[:, :, 2:]) * seen
-    top, bottom = (slope * left).sum(axis=(1, 2)), (slope**2).sum(axis=(1, 2))
-    return top / (bottom + 1e-12)
+    turned = images_of(problems.rays, 0, rotations, translations)[1]
+    t = np.moveaxis(translations, -1, 0)[..., None]  # (3, L, B, 1)
+    slope = (problems.x * t[2] - t[:2]) * problems.seen
+    left = turned[:2] - problems.x * turned[2]
+    return (slope * left).sum(axis=(0, 1)) / ((slope**2).sum(axis=(0, 1)) + 1e-12)

@@ -21,7 +21,7 @@ from functools import cache
 import numpy as np
 
 from .poses import UPPER, lower_medians, rotations_of, solve_three
-from .resection import resect
+from .resection import resect_frames
 
 # Directions of translation that are tried first, besides the three axes: a multiple of
 # four.
@@ -29,13 +29,14 @@ N_DIRECTIONS = 96
 # Of those the best that are so many degrees apart, and the degrees by which their
 # neighbours are, in which they are improved.
 STARTS_PER_KIND, DEGREES_APART = 3, 20.0
+N_STARTS = 2 * STARTS_PER_KIND
 NEIGHBOURING = (8.0, 3.0)
 N_NEIGHBOURS = 8
 # Gauss-Newton steps of resection.
 STEPS = 3
 
 
-def starting_motions(problems):
+def starting_motions(problems, repeated):
     """Rotations, translations and depths to start fits from.
 
     Of two kinds: from the farthest frame, which shows small motions best, and from the
@@ -44,57 +45,52 @@ def starting_motions(problems):
     Parameters
     ----------
     problems : Problems
+    repeated : Problems
+        The same, each ``N_STARTS`` times.
 
     Returns
     -------
-    rotations : ndarray of shape (B, S, L - 1, 3, 3)
+    rotations : ndarray of shape (L, B * N_STARTS, 3, 3)
         In all frames but the reference.
-    translations : ndarray of shape (B, S, L - 1, 3)
-    depths : ndarray of shape (B, S, n)
+    translations : ndarray of shape (L, B * N_STARTS, 3)
+    depths : ndarray of shape (B * N_STARTS, n)
         Inverse.
     """
-    n_others = problems.x.shape[1]
-    reference = problems.reference
-    there = problems.weights > 0
-    # Places among the frames but the reference: its successor has its own number.
-    next_frame = np.minimum(reference, n_others - 1)
-    far_frame = np.where(reference <= (n_others + 1) // 2, n_others - 1, 0)
-    batch = np.arange(len(reference))
     parts = []
-    for frame in (far_frame, next_frame):
-        few = (problems.seen[batch, frame] > 0).sum(axis=1)
-        few = few < np.minimum(6, there.sum(axis=1))
-        frame = np.where(few, next_frame, frame)
-        speed = problems.ahead / problems.ahead[batch, frame, None]  # (B, L')
+    for at in _two_frames(problems):
+        speed = (problems.ahead / problems.ahead[at])[..., None]  # (L, B, 1, 1)
         turns, directions, depths = _instantaneous(
-            problems.rays[:, :2], problems.x[batch, frame], problems.seen[batch, frame]
+            problems.rays[:2], problems.x[:, *at], problems.seen[at]
         )
-        parts.append(
-            (
-                rotations_of(turns[:, :, None] * speed[:, None, :, None]),
-                directions[:, :, None] * speed[:, None, :, None],
-                depths,
-            )
-        )
-    rotations, translations, depths = (
-        np.concatenate(part, axis=1) for part in zip(*parts, strict=True)
+        parts.append((turns * speed, directions * speed, depths))
+    turns, translations, depths = (
+        np.concatenate(part, axis=-2) for part in zip(*parts, strict=True)
     )
-    return *_resected(problems, rotations, translations, depths), depths
-
-
-def _resected(problems, rotations, translations, depths):
-    """Poses in each frame, the depths being known."""
-    weights = problems.seen * problems.weights[:, None]
-    found = resect(
-        problems.rays[:, None, None].swapaxes(-1, -2),
-        depths[:, :, None],
-        problems.x[:, None].swapaxes(-1, -2),
-        weights[:, None],
-        (rotations, translations),
-        problems.floor[:, None, None],
+    shape = len(turns), -1, 3
+    depths = depths.reshape(*repeated.weights.shape)
+    rotations, translations, _ = resect_frames(
+        repeated.rays,
+        depths,
+        repeated.x,
+        repeated.seen * repeated.weights,
+        (rotations_of(turns.reshape(shape)), translations.reshape(shape)),
+        repeated.floor[:, 0],
         STEPS,
     )
-    return found[:2]
+    return rotations, translations, depths
+
+
+def _two_frames(problems):
+    """The farthest frame of each problem, and the next; as places in (L, B)."""
+    reference, n_others = problems.reference[:, 0], len(problems.x[0])
+    batch = np.arange(len(reference))
+    # The frame after the reference is in its place among the others.
+    following = np.minimum(reference, n_others - 1)
+    far = np.where(reference <= (n_others + 1) // 2, n_others - 1, 0)
+    few = np.minimum(6, (problems.weights > 0).sum(axis=1))
+    for frame in (far, following):
+        enough = problems.seen[frame, batch].sum(axis=1) >= few
+        yield np.where(enough, frame, following), batch
 
 
 @cache
@@ -142,33 +138,32 @@ def _instantaneous(x, y, both):
 
     For each direction of translation the rotation of least squares, weighted robustly,
     from the flow across the direction in which the translation moves each point; the
-    best few of these (Heeger and Jepson 1992).
+    best few of these (Heeger and Jepson 1992). From coordinates (2, B, n).
     """
-    middle, flow = (x + y) / 2, y - x  # (B, 2, n)
-    equations = _equations(middle, flow)
-    batch = np.arange(len(x))[:, None]
+    turning, moving = _flow_matrices((x + y) / 2)
+    flow = y - x
+    equations = _equations(turning, moving, flow)
+    batch = np.arange(len(both))[:, None]
     coarse = _directions(N_DIRECTIONS)
-    every = np.broadcast_to(coarse, (len(x), *coarse.shape))
+    every = np.broadcast_to(coarse, (len(both), *coarse.shape))
     turns, scores = _turns_for(every, equations, both)
     order = _best_apart(scores, coarse, STARTS_PER_KIND)
     directions, turns = coarse[order], turns[batch, order]
     for degrees in NEIGHBOURING:
         near = _around(directions, degrees)  # (B, k, 1 + N, 3)
-        every = near.reshape(len(x), -1, 3)
+        every = near.reshape(len(both), -1, 3)
         turns, scores = _turns_for(every, equations, both)
         order = scores.reshape(near.shape[:3]).argmin(axis=-1)
         order = order + near.shape[2] * np.arange(near.shape[1])
         directions, turns = every[batch, order], turns[batch, order]
-    return turns, *_translations(directions, turns, middle, flow, both)
+    rest = flow[:, :, None] - turns @ turning.swapaxes(1, 2)  # (2, B, k, n)
+    along = directions @ moving.swapaxes(1, 2)
+    depths = (rest * along).sum(axis=0) / ((along**2).sum(axis=0) + 1e-4)
+    return turns, *_scaled(directions, depths, both[:, None] > 0)
 
 
-def _translations(directions, turns, middle, flow, both):
-    """Translations (B, k, 3) along directions, and depths whose median is one."""
-    along = _moved(directions, middle)  # (B, k, 2, n)
-    by_turning = np.swapaxes(_turned(middle), 1, 2)  # (B, 2, 3, n)
-    rest = flow[:, None] - (turns[:, :, None, :, None] * by_turning[:, None]).sum(3)
-    depths = (rest * along).sum(axis=2) / ((along**2).sum(axis=2) + 1e-4)
-    both = both[:, None] > 0
+def _scaled(directions, depths, both):
+    """Translations, and depths whose median is one and most of which are positive."""
     sign = np.sign(np.where(both, depths, 0).sum(axis=-1, keepdims=True))
     sign[sign == 0] = 1
     size = lower_medians(np.abs(depths), both)[..., None]
@@ -177,52 +172,48 @@ def _translations(directions, turns, middle, flow, both):
     return directions * sign * size, depths
 
 
-def _equations(x, flow):
-    """What the flow across a direction of translation says of the rotation.
+def _flow_matrices(x):
+    """What takes rotation, and translation over depth, to flow: (2, 3, B, n) each."""
+    a, b = x
+    one, zero = np.ones_like(a), np.zeros_like(a)
+    return (
+        np.array([[-a * b, 1 + a**2, -b], [-(1 + b**2), a * b, a]]),
+        np.array([[one, zero, -a], [zero, one, -b]]),
+    )
 
-    It is linear in the direction: (B, 3, 4 n) of three factors of the rotation and what
-    they sum to, per point.
+
+def _equations(turning, moving, flow):
+    """What directions are to be multiplied by: (6, B, 3, n).
+
+    For three factors of the rotation, for what they sum to by the flow across the
+    direction in which a point is moved, and for the two coordinates of that direction.
     """
-    terms = np.concatenate([_turned(x), flow[:, None]], axis=1)  # (B, 4, 2, n)
-    u, v = terms[:, :, 0], terms[:, :, 1]
-    a, b = x[:, 0, None], x[:, 1, None]
-    found = np.stack([v, -u, b * u - a * v], axis=1)  # (B, 3, 4, n)
-    return found.reshape(len(x), 3, -1), x
-
-
-def _turned(x):
-    """Flow (B, 3, 2, n) of points (B, 2, n) by a unit of each rotation."""
-    a, b = x[:, 0], x[:, 1]
-    flow = [[-a * b, -(1 + b**2)], [1 + a**2, a * b], [-b, a]]
-    return np.stack([np.stack(each, axis=1) for each in flow], axis=1)
-
-
-def _moved(directions, x):
-    """Flow (B, D, 2, n) of points (B, 2, n) of depth one by translations (B, D, 3)."""
-    return directions[..., :2, None] - directions[..., 2:, None] * x[:, None]
+    u, v = np.concatenate([turning, flow[:, None]], axis=1)[:, :, None]  # (4, 1, B, n)
+    equations = np.concatenate([moving[0] * v - moving[1] * u, moving])
+    return equations.swapaxes(1, 2)
 
 
 def _turns_for(directions, equations, both):
     """Rotation vectors for directions (B, D, 3), and scores (B, D)."""
-    linear, x = equations
-    rows = (directions @ linear).reshape(*directions.shape[:2], 4, -1)
-    along = _moved(directions, x)
-    rows /= (np.sqrt(along[:, :, 0] ** 2 + along[:, :, 1] ** 2) + 1e-3)[:, :, None]
-    return _robust_turns(rows, both)
+    rows = directions @ equations  # (6, B, D, n)
+    rows, along = rows[:4], rows[4:]
+    rows /= np.sqrt(along[0] ** 2 + along[1] ** 2) + 1e-3
+    return _robust_turns(rows, np.repeat(both[:, None], rows.shape[2], axis=1))
 
 
 def _robust_turns(rows, both, sweeps=4, floor=1e-5):
-    """Rotation vectors (B, D, 3) by equations (B, D, 4, n), and median errors."""
-    both = both[:, None]
-    weights = np.broadcast_to(both, rows.shape[:2] + rows.shape[3:])
-    turns = np.full((*rows.shape[:2], 1, 4), -1.0)
+    """Rotation vectors (B, D, 3) from equations (4, B, D, n), and median errors."""
+    matrices = np.moveaxis(rows, 0, 2)  # (B, D, 4, n)
+    counted, weights = both > 0, both
+    turns = np.full((*both.shape[:2], 1, 4), -1.0)
     for _ in range(sweeps):
-        normal = (rows[:, :, :3] * weights[:, :, None]) @ rows.swapaxes(-1, -2)
+        weighted = np.moveaxis(rows[:3] * weights, 0, 2)
+        normal = weighted @ matrices.swapaxes(-1, -2)  # (B, D, 3, 4)
         matrix = np.moveaxis((normal[..., :3] + 1e-9 * np.eye(3))[UPPER], -1, 0)
         found = solve_three(matrix, np.moveaxis(normal[..., 3], -1, 0))
         turns[..., 0, :3] = np.stack(found, axis=-1)
-        errors = np.abs(turns @ rows)[:, :, 0]
-        medians = lower_medians(errors, both > 0)
+        errors = np.abs((turns @ matrices)[..., 0, :])
+        medians = lower_medians(errors, counted)
         scale = 2 * np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
         weights = both / (1 + (errors / scale[..., None]) ** 2)
     return turns[..., 0, :3], medians
