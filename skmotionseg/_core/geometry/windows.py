@@ -36,21 +36,26 @@ REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
 
 
-class Fits(NamedTuple):
-    """Motions of groups that are asked for.
+class Fit(NamedTuple):
+    """A motion of a group that is asked for.
 
     Attributes
     ----------
-    groups : list of ndarray of int
-    starts : list of list of RigidMotion, or None
-        For each group, as :meth:`Windows.refine` takes them; None for fits from several
-        starts of their own, as by :meth:`Windows.fit`.
+    group : ndarray of int
+    starts : tuple of RigidMotion
+        As :meth:`Windows.refine` takes them; none for a fit from several starts of its
+        own, as by :meth:`Windows.fit`.
     most_tracks : int
     """
 
-    groups: list
-    starts: list | None = None
+    group: np.ndarray
+    starts: tuple = ()
     most_tracks: int = MOST_FITTED
+
+    @property
+    def key(self):
+        """The same for the same fit, as long as its starts are not thrown away."""
+        return self.group.tobytes(), tuple(map(id, self.starts)), self.most_tracks
 
 
 class RigidMotion(NamedTuple):
@@ -209,27 +214,25 @@ class Windows:
                     poses[job.group][job.window] = Poses(*pose)
         return self._motions(groups, poses)
 
-    def answer(self, requests):
-        """The motions of several :class:`Fits`, all found in common batches.
+    def found(self, fits):
+        """The motions of several :class:`Fit`, found in common batches.
 
         Parameters
         ----------
-        requests : list of Fits
+        fits : list of Fit
 
         Returns
         -------
-        list of list of RigidMotion
+        list of RigidMotion
         """
-        new = [request for request in requests if request.starts is None]
-        old = [request for request in requests if request.starts is not None]
-        fitted = iter(self.fit(*_joined(new)))
-        groups, most_tracks = _joined(old)
-        starts = [start for request in old for start in request.starts]
-        refined = iter(self.refine(groups, starts, most_tracks))
-        return [
-            [next(fitted if starts is None else refined) for _ in groups]
-            for groups, starts, _ in requests
-        ]
+        new = [fit for fit in fits if not fit.starts]
+        old = [fit for fit in fits if fit.starts]
+        fitted = iter(self.fit([fit.group for fit in new], _most_tracks(new)))
+        starts = [fit.starts for fit in old]
+        refined = iter(
+            self.refine([fit.group for fit in old], starts, _most_tracks(old))
+        )
+        return [next(refined if fit.starts else fitted) for fit in fits]
 
     def _motions(self, groups, poses):
         """Motions with the residuals of all tracks from them."""
@@ -339,11 +342,8 @@ class _Job(NamedTuple):
     start: Poses | None = None
 
 
-def _joined(requests):
-    """The groups of several requests, and how many tracks of each are fitted to."""
-    groups = [group for request in requests for group in request.groups]
-    most = [request.most_tracks for request in requests for _ in request.groups]
-    return groups, most
+def _most_tracks(fits):
+    return [fit.most_tracks for fit in fits]
 
 
 def _batches(jobs):

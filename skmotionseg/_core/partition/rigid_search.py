@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.rigid_motion import FREEDOM
-from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, Fits, RigidMotion
+from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, Fit, RigidMotion
 from ..labels import groups_of, indicator
 from .local_search import split
 from .side_by_side import run, side_by_side
@@ -153,12 +153,20 @@ class RigidSearch:
         simplest = affinity if simplest is None else simplest
         self.simplest = simplest - np.diag(np.diagonal(simplest))
         self.scale = windows.least_noise
-        self._motions, self.apart, self._apart_by_own = {}, {}, {}
+        self._fitted, self.apart, self._apart_by_own = {}, {}, {}
         self._total, self._links_of = self.simplest.sum(), {}
 
     def run(self, *searches):
         """What each of some searches returns, run side by side."""
-        return run(side_by_side(searches), self.windows.answer)
+        return run(side_by_side(searches), self._found)
+
+    def _found(self, fits):
+        """The motions that are asked for, each fitted once."""
+        new = {fit.key: fit for fit in fits if fit.key not in self._fitted}
+        motions = self.windows.found(list(new.values()))
+        for (key, fit), motion in zip(new.items(), motions, strict=True):
+            self._fitted[key] = fit, motion
+        return [self._fitted[fit.key][1] for fit in fits]
 
     def calibrate(self, labels):
         """Choose focal length and scale of the noise by the larger groups of labels.
@@ -200,14 +208,8 @@ class RigidSearch:
         return np.stack(costs, axis=1)
 
     def motions(self, labels):
-        """Search for rigid motions of the groups of a partition, each fitted once."""
-        groups = groups_of(labels)
-        new = [group for group in groups if group.tobytes() not in self._motions]
-        if new:
-            (fitted,) = yield [Fits(new)]
-            for group, motion in zip(new, fitted, strict=True):
-                self._motions[group.tobytes()] = motion
-        return [self._motions[group.tobytes()] for group in groups]
+        """Search for rigid motions of the groups of a partition."""
+        return (yield [Fit(group) for group in groups_of(labels)])
 
     def energy(self, labels, motions):
         """Nats of a partition: of its tracks, and of links to other motions."""
@@ -366,11 +368,9 @@ class RigidSearch:
             if not np.array_equal(group, motion.tracks)
         ]
         motions = [*motions]
-        if new:
-            starts = [[motions[k]] for k in new]
-            (refined,) = yield [Fits([groups[k] for k in new], starts)]
-            for k, motion in zip(new, refined, strict=True):
-                motions[k] = motion
+        refined = yield [Fit(groups[k], (motions[k],)) for k in new]
+        for k, motion in zip(new, refined, strict=True):
+            motions[k] = motion
         return motions
 
     def _inliers(self, group, motion):
@@ -400,14 +400,16 @@ class RigidSearch:
         best = self._by_own_motions(pair)
         if best.log_odds <= SURELY_ONE:
             return best
-        both = [np.union1d(*pair.groups)]
-        starts = [[motion] for motion in pair.motions]
-        (own,) = yield [Fits([*pair.groups], starts, MOST_COMPARED)]
+        own = yield [
+            Fit(group, (motion,), MOST_COMPARED)
+            for group, motion in zip(pair.groups, pair.motions, strict=True)
+        ]
         pair = pair._replace(motions=tuple(own))
-        (joint,) = yield [Fits(both, [own], MOST_COMPARED)]
+        both = np.union1d(*pair.groups)
+        joint = yield [Fit(both, pair.motions, MOST_COMPARED)]
         best = self._apartness_by(pair, [*own, *joint])
         if best.log_odds > 0:
-            (anew,) = yield [Fits(both, None, MOST_COMPARED)]
+            anew = yield [Fit(both, most_tracks=MOST_COMPARED)]
             best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
 
