@@ -48,7 +48,8 @@ def pairs_of(X, target):
 
     def descend(found, over_segments, *_):
         found.calibrate(over_segments[0])
-        steps = [step for some in over_segments for step in found.descent(some, 1)]
+        paths = found.run(*(found.descent(some, 1) for some in over_segments))
+        steps = [step for path in paths for step in path]
         kept.append((found, steps))
 
     search.rigid_partitions, before = descend, search.rigid_partitions

@@ -8,11 +8,16 @@ from scipy.spatial.transform import Rotation
 
 from skmotionseg._core.geometry.poses import (
     NEAREST,
+    UPPER,
     Poses,
+    image_derivatives,
+    images_of,
     kept_away,
     lower_medians,
+    normal_equations,
     relative_to,
     rotations_of,
+    solve_three,
 )
 
 
@@ -51,3 +56,45 @@ def test_medians_are_of_what_counts():
         for row, some in zip(values, counted, strict=True)
     ]
     assert_array_equal(lower_medians(values, counted), expected)
+
+
+def test_derivatives_of_images_are_those_of_small_steps():
+    rng = np.random.default_rng(2)
+    L, B, n = 2, 3, 4
+    rays = np.concatenate([rng.uniform(-0.5, 0.5, (2, B, n)), np.ones((1, B, n))])
+    depths = rng.uniform(0.3, 1, (B, n))
+    R, t = (
+        rotations_of(0.1 * rng.normal(size=(L, B, 3))),
+        0.1 * rng.normal(size=(L, B, 3)),
+    )
+    image, turned, distance = images_of(rays, depths, R, t)
+    assert_allclose(turned, np.einsum("lbij,jbn->ilbn", R, rays))
+    weights = rng.uniform(0.5, 2, (L, B, n))
+    found = image_derivatives(image, turned, depths, weights / distance)
+    assert found.shape == (2, 6, L, B, n)
+    for k, step in enumerate(1e-6 * np.eye(6)):
+        moved = [
+            images_of(
+                rays, depths, rotations_of(sign * step[:3]) @ R, t + sign * step[3:]
+            )
+            for sign in (1, -1)
+        ]
+        slope = weights * (moved[0][0] - moved[1][0]) / 2e-6
+        assert_allclose(found[:, k], slope, atol=1e-8)
+
+
+def test_normal_equations_are_sums_over_points_and_coordinates():
+    rng = np.random.default_rng(3)
+    rows, left = rng.normal(size=(2, 6, 3, 4, 5)), rng.normal(size=(2, 3, 4, 5))
+    normal, right = normal_equations(rows, left)
+    assert_allclose(normal, np.einsum("kilbn,kjlbn->lbij", rows, rows))
+    assert_allclose(right[..., 0], np.einsum("kilbn,klbn->lbi", rows, left))
+
+
+def test_systems_of_three_are_solved():
+    rng = np.random.default_rng(4)
+    roots = rng.normal(size=(20, 3, 5))
+    matrices, right = roots @ roots.swapaxes(1, 2), rng.normal(size=(20, 3))
+    found = solve_three(np.moveaxis(matrices[UPPER], -1, 0), right.T)
+    expected = np.linalg.solve(matrices, right[..., None])[..., 0]
+    assert_allclose(np.stack(found, axis=-1), expected, rtol=1e-8)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import plain_rigid
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 
+from skmotionseg._core.geometry import rigid_motion
 from skmotionseg._core.geometry.rigid_motion import (
     Poses,
     fit_rigid_motions,
@@ -118,3 +120,48 @@ def test_tracks_at_rest_and_tracks_that_coincide_have_a_motion():
         poses = fit_rigid_motions(x, seen, np.ones((1, 9)), np.array([1e-4]), REFERENCE)
         assert np.isfinite(poses.rotations).all()
         assert squared_residuals(x[0], seen[0], poses).max() < 1e-8
+
+
+@pytest.fixture
+def mixed_batch():
+    """Problems of several sizes and reference frames, with gaps and an outlier."""
+    rng = np.random.RandomState(6)
+    sizes, references = (7, 12, 20), (0, 2, 5)
+    x = np.zeros((3, max(sizes), N_FRAMES, 2))
+    seen = np.zeros(x.shape[:3], dtype=bool)
+    weights = np.zeros(x.shape[:2])
+    directions = ((0, 0, 1.0), (1.0, 0.2, 0), (0.5, -0.7, 0.3))
+    for k, (n, reference) in enumerate(zip(sizes, references, strict=True)):
+        there = rng.random((n, N_FRAMES)) > 0.15
+        there[:, reference] = True
+        found, _ = scene(rng, n, noise=1e-3, direction=directions[k])
+        found[0] += 0.02 * rng.standard_normal(found[0].shape)
+        x[k, :n] = np.where(there[..., None], found, 0)
+        seen[k, :n], weights[k, :n] = there, 1
+    return x, seen, weights, np.full(3, 2e-4), np.array(references), sizes
+
+
+def test_a_batch_agrees_with_problems_that_are_solved_one_by_one(mixed_batch):
+    x, seen, weights, floor, references, sizes = mixed_batch
+    together = fit_rigid_motions(x, seen, weights, floor, references)
+    for k, n in enumerate(sizes):
+        R, t = plain_rigid.fit(x[k, :n], seen[k, :n], floor[k], references[k])
+        assert_allclose(together.rotations[k], R, atol=1e-8)
+        assert_allclose(together.translations[k], t, atol=1e-8)
+        poses = Poses(R[None], t[None])
+        (squares,) = squared_residuals(x[k, :n], seen[k, :n], poses)
+        plain = [
+            plain_rigid.squared_residual(*each, R, t)
+            for each in zip(x[k, :n], seen[k, :n], strict=True)
+        ]
+        assert_allclose(squares, plain, rtol=1e-5, atol=1e-14)
+
+
+def test_residuals_do_not_depend_on_how_many_are_found_at_a_time(
+    mixed_batch, monkeypatch
+):
+    x, seen, weights, floor, references, _ = mixed_batch
+    poses = fit_rigid_motions(x, seen, weights, floor, references)
+    at_once = squared_residuals(x[2], seen[2], poses)
+    monkeypatch.setattr(rigid_motion, "SIZE_OF_BLOCK", 9)
+    assert_allclose(squared_residuals(x[2], seen[2], poses), at_once, rtol=1e-9)

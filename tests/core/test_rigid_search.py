@@ -27,6 +27,12 @@ def scene():
     return points, visibility, affinity + affinity.T, canonical_labels(y)
 
 
+def done(search, what):
+    """What one search returns."""
+    (found,) = search.run(what)
+    return found
+
+
 def search_of(scene):
     points, visibility, affinity, _ = scene
     return RigidSearch(Windows(points, visibility), affinity)
@@ -35,7 +41,7 @@ def search_of(scene):
 def test_the_truth_costs_less_than_the_truth_disturbed(scene):
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
-    motions = search.motions(y)
+    motions = done(search, search.motions(y))
     truth = search.energy(y, motions)
     rng = np.random.RandomState(0)
     for share in (0.05, 0.2):
@@ -52,8 +58,8 @@ def test_settling_mends_labels_and_never_costs_more(scene):
     wrong = y.copy()
     some = rng.random(len(y)) < 0.1
     wrong[some] = rng.randint(y.max() + 1, size=some.sum())
-    before = search.energy(wrong, search.motions(wrong))
-    energy, labels, motions = search.settled(wrong)
+    before = search.energy(wrong, done(search, search.motions(wrong)))
+    energy, labels, motions = done(search, search.settled(wrong))
     assert energy <= before
     assert energy == pytest.approx(search.energy(labels, motions))
     assert misclassification_error(y, labels) < 0.03
@@ -66,10 +72,12 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     x = np.nanmean(points[background], axis=1)[:, 0]
     torn = y.copy()
     torn[background[x > np.median(x)]] = y.max() + 1
-    pair, least = search.least_apart(torn, search.motions(torn))
+    motions = done(search, search.motions(torn))
+    pair, least = done(search, search.least_apart(torn, motions))
     assert set(pair) == {0, y.max() + 1}
     assert least.log_odds < 0
-    _, whole = search.least_apart(y, search.motions(y))
+    motions = done(search, search.motions(y))
+    _, whole = done(search, search.least_apart(y, motions))
     assert whole.log_odds > 2
 
 
@@ -120,7 +128,8 @@ def test_what_no_motion_explains_becomes_a_group(scene):
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
     without = np.where(y == y.max(), 0, y)
-    tried = list(search.unexplained(without, search.motions(y)[:-1]))
+    motions = done(search, search.motions(y))
+    tried = list(search.unexplained(without, motions[:-1]))
     shares = [np.mean(y[each == each.max()] == y.max()) for each in tried]
     assert max(shares) > 0.8
 
@@ -130,3 +139,37 @@ def test_links_are_compared_with_chance(scene):
     search = RigidSearch(Windows(points, visibility), np.ones_like(affinity))
     first, second = np.arange(30), np.arange(30, 100)
     assert search._links(first, second) == pytest.approx(1, rel=0.02)
+
+
+def test_searches_side_by_side_find_what_they_find_alone(scene):
+    """Their fits share batches, which are padded to the largest of their groups."""
+    y = scene[-1]
+    rng = np.random.RandomState(2)
+    wrong = np.stack([y, y, y])
+    for labels, share in zip(wrong, (0.05, 0.1, 0.2), strict=True):
+        some = rng.random(len(y)) < share
+        labels[some] = rng.randint(y.max() + 1, size=some.sum())
+    search = search_of(scene)
+    search.calibrate(y)
+    together = search.run(*map(search.settled, wrong))
+    for labels, (energy, settled, motions) in zip(wrong, together, strict=True):
+        other = search_of(scene)
+        other.calibrate(y)
+        alone = done(other, other.settled(labels))
+        np.testing.assert_array_equal(settled, alone[1])
+        assert energy == pytest.approx(alone[0], rel=1e-9)
+        for one, again in zip(motions, alone[2], strict=True):
+            np.testing.assert_allclose(one.squares, again.squares, rtol=1e-6)
+
+
+def test_a_fit_is_made_once(scene, monkeypatch):
+    y, search = scene[-1], search_of(scene)
+    made = []
+    found = search.windows.found
+    monkeypatch.setattr(
+        search.windows, "found", lambda fits: made.extend(fits) or found(fits)
+    )
+    one, other = search.run(search.motions(y), search.motions(y))
+    (third,) = search.run(search.motions(y))
+    assert len(made) == y.max() + 1
+    assert all(a is b is c for a, b, c in zip(one, other, third, strict=True))

@@ -32,6 +32,8 @@ STARTS_PER_KIND, DEGREES_APART = 3, 20.0
 N_STARTS = 2 * STARTS_PER_KIND
 NEIGHBOURING = (8.0, 3.0)
 N_NEIGHBOURS = 8
+# Least squares for the rotation of each direction, with weights by the last one.
+SWEEPS = 4
 # Gauss-Newton steps of resection.
 STEPS = 3
 
@@ -201,12 +203,12 @@ def _turns_for(directions, equations, both):
     return _robust_turns(rows, np.repeat(both[:, None], rows.shape[2], axis=1))
 
 
-def _robust_turns(rows, both, sweeps=4, floor=1e-5):
+def _robust_turns(rows, both, floor=1e-5):
     """Rotation vectors (B, D, 3) from equations (4, B, D, n), and median errors."""
     matrices = np.moveaxis(rows, 0, 2)  # (B, D, 4, n)
     counted, weights = both > 0, both
     turns = np.full((*both.shape[:2], 1, 4), -1.0)
-    for _ in range(sweeps):
+    for _ in range(SWEEPS):
         weighted = np.moveaxis(rows[:3] * weights, 0, 2)
         normal = weighted @ matrices.swapaxes(-1, -2)  # (B, D, 3, 4)
         matrix = np.moveaxis((normal[..., :3] + 1e-9 * np.eye(3))[UPPER], -1, 0)

@@ -9,6 +9,7 @@ and the graph has few links between them.
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -175,25 +176,30 @@ class RigidSearch:
         of the image: by chance one is better here and another there.
         """
         groups = sorted(groups_of(labels), key=len)[-4:]
-        least, share, noise = np.inf, self.windows.focal_length, 0.0
-        for focal_length in FOCAL_LENGTHS:
-            self.windows.set_focal_length(focal_length)
-            self.scale = self.windows.least_noise
-            motions = self.windows.fit(groups)
-            costs = self.costs(motions)
-            total = sum(costs[group, k].sum() for k, group in enumerate(groups))
-            total += (
-                NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * abs(np.log(focal_length))
-            )
-            if total < least:
-                own = [
-                    self.windows.deviations(*each)[0]
-                    for each in zip(motions, groups, strict=True)
-                ]
-                least, share = total, focal_length
-                noise = float(np.median(np.concatenate(own)))
-        self.windows.set_focal_length(share)
+        tried = [self._with_focal_length(each, groups) for each in FOCAL_LENGTHS]
+        _, focal_length, motions = min(tried, key=itemgetter(0))
+        self.windows.set_focal_length(focal_length)
+        own = [
+            self.windows.deviations(*each)[0]
+            for each in zip(motions, groups, strict=True)
+        ]
+        noise = float(np.median(np.concatenate(own)))
         self.scale = max(self.windows.least_noise, SCALE_OF_NOISE * noise)
+        fits = [Fit(group) for group in groups]
+        self._fitted = {
+            fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
+        }
+
+    def _with_focal_length(self, focal_length, groups):
+        """Nats of some groups with a focal length, it, and the groups' motions."""
+        self.windows.set_focal_length(focal_length)
+        self.scale = self.windows.least_noise
+        motions = self.windows.fit(groups)
+        costs = self.costs(motions)
+        total = sum(costs[group, k].sum() for k, group in enumerate(groups))
+        far = abs(np.log(focal_length))
+        total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * far
+        return total, focal_length, motions
 
     def costs(self, motions):
         """Nats (n, M) of each track by each motion."""
