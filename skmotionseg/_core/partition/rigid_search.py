@@ -13,6 +13,7 @@ from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.rigid_motion import FREEDOM
@@ -135,7 +136,7 @@ class RigidSearch:
     ----------
     windows : Windows
     affinity : ndarray of shape (n, n)
-        Sparse; its diagonal does not count.
+        Few of its entries are not 0; its diagonal does not count.
     simplest : ndarray of shape (n, n), optional
         The part of it that is by the simplest motion model, by which the links between
         two groups are compared with chance: they say the same of all videos, while the
@@ -149,13 +150,12 @@ class RigidSearch:
 
     def __init__(self, windows, affinity, simplest=None):
         self.windows = windows
-        self.affinity = affinity - np.diag(np.diagonal(affinity))
+        self.affinity = _links_of(affinity)
         self.degrees = self.affinity.sum(axis=1)
-        simplest = affinity if simplest is None else simplest
-        self.simplest = simplest - np.diag(np.diagonal(simplest))
+        self.simplest = _links_of(affinity if simplest is None else simplest)
         self.scale = windows.least_noise
         self._fitted, self.apart, self._apart_by_own = {}, {}, {}
-        self._total, self._links_of = self.simplest.sum(), {}
+        self._total, self._links_to = self.simplest.sum(), {}
 
     def run(self, *searches):
         """What each of some searches returns, run side by side."""
@@ -333,7 +333,7 @@ class RigidSearch:
             deviations, freedom = self.windows.deviations(motion, group)
             lost[group] = (freedom > 0) & (deviations > INLIER_SCALES * self.scale)
         lost = np.flatnonzero(lost)
-        links = self.simplest[np.ix_(lost, lost)] > 0
+        links = self.simplest[lost][:, lost]
         _, components = connected_components(links, directed=False)
         sizes = np.bincount(components, minlength=1)
         for component in np.argsort(-sizes, kind="stable")[:MOST_UNEXPLAINED]:
@@ -439,9 +439,11 @@ class RigidSearch:
     def _links_from(self, group):
         """The links of each track to those of a group, summed once."""
         key = group.tobytes()
-        if key not in self._links_of:
-            self._links_of[key] = self.simplest[group].sum(axis=0)
-        return self._links_of[key]
+        if key not in self._links_to:
+            inside = np.zeros(len(self.degrees))
+            inside[group] = 1
+            self._links_to[key] = self.simplest @ inside
+        return self._links_to[key]
 
     def _gain(self, groups, own, joints):
         """How much worse the best of some motions is for two groups than their own.
@@ -460,6 +462,11 @@ class RigidSearch:
                 totals[k] += np.log(ratio[(known > 0) & (also > 0)]).sum()
         k = int(totals.argmin())
         return totals[k] / min(map(len, groups)), joints[k]
+
+
+def _links_of(affinity):
+    """An affinity without its diagonal, as a sparse matrix."""
+    return csr_array(affinity - np.diag(np.diagonal(affinity)))
 
 
 def _energy(labels, costs, linked):
