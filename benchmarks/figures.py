@@ -255,17 +255,21 @@ def speed_sentence(record):
     rows = {row["row"]: row for row in record["table"]}
     known, unknown = (rows[f"clips-default-{n}"] for n in ("known", "unknown"))
     many = rows["tracks-50000"]
-    version = known["machine"].rpartition(" ")[2]
-    text = (
-        f"A KT3DMoSeg clip ({known['n_tracks']:.0f} tracks, filmed in 1.75 s) took "
-        f"{known['seconds'][0]:.2f} s on two cores with the number of motions known "
-        f"and {unknown['seconds'][0]:.2f} s with it unknown; {many['n_tracks']:,} "
-        f"tracks in {many['n_frames']:.0f} frames took {many['seconds'][0]:.0f} s "
-        f"(version {version})."
+    versions = {report.version(row) for row in (known, unknown, many)}
+    return (
+        f"A KT3DMoSeg clip ({known['n_tracks']:.0f} tracks, filmed in 1.75 s) takes "
+        f"{_time_of(known)} with the number of motions known and {_time_of(unknown)} "
+        f"with it unknown; {many['n_tracks']:,} tracks in {many['n_frames']:.0f} "
+        f"frames take {_time_of(many)} (version {' and '.join(sorted(versions))}; "
+        f"{known['machine'].partition(';')[0]})."
     )
-    if version != __version__:
-        text += " Rigid motion over many frames, added since, doubles these times."
-    return text
+
+
+def _time_of(row):
+    """Seconds of the processor, which others on the machine change least."""
+    if "cpu_seconds" in row:
+        return f"{row['cpu_seconds']:.2g} CPU seconds"
+    return f"{row['seconds'][0]:.2g} s"
 
 
 def dense_table(record):
@@ -281,7 +285,7 @@ def dense_table(record):
             f"| {title} | {known['n_tracks']:.0f} | {known['error']:.2f} | "
             f"{unknown['error']:.2f} / {unknown['count_right']:.0f} |"
         )
-    version = rows["dense-default-known"]["machine"].rpartition(" ")[2]
+    version = report.version(rows["dense-default-known"])
     return "\n".join([*lines, "", f"Measured with version {version}."])
 
 

@@ -25,14 +25,15 @@ class Runs(NamedTuple):
     """What the repeats of one call took and gave."""
 
     seconds: np.ndarray  # (repeats,)
+    cpu_seconds: np.ndarray  # (repeats,), of all threads of this process
     results: list
 
 
 def clock(function, *arguments):
-    """Seconds of a call, and what it gave."""
-    started = time.perf_counter()
+    """Seconds of a call, those of the processor, and what it gave."""
+    started, cpu_started = time.perf_counter(), time.process_time()
     result = function(*arguments)
-    return time.perf_counter() - started, result
+    return time.perf_counter() - started, time.process_time() - cpu_started, result
 
 
 def interleave(calls, repeats, *, warm=True):
@@ -60,7 +61,8 @@ def interleave(calls, repeats, *, warm=True):
     return {
         name: Runs(
             np.array([each[name][0] for each in rounds]),
-            [each[name][1] for each in rounds],
+            np.array([each[name][1] for each in rounds]),
+            [each[name][2] for each in rounds],
         )
         for name in calls
     }

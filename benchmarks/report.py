@@ -32,6 +32,11 @@ def number(name, form="{:.1f}"):
     return cell
 
 
+def version(row):
+    """The version of the package that a row was measured with."""
+    return row.get("machine", "").rpartition("skmotionseg ")[2]
+
+
 def megabytes(row):
     return f"{row['peak'] / 1e6:.0f}" if "peak" in row else ""
 

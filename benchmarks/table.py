@@ -53,12 +53,14 @@ COLUMNS = {
     "tracks": report.number("n_tracks", "{:.0f}"),
     "frames": report.number("n_frames", "{:.4g}"),
     "seconds": report.seconds,
+    "CPU s": report.number("cpu_seconds", "{:.3g}"),
     "plain / this": report.number("plain_ratio"),
     "error %": report.number("error", "{:.2f}"),
     "count right %": report.number("count_right", "{:.0f}"),
     "peak MB": report.megabytes,
     "seconds x": report.number("seconds_growth", "{:.2f}"),
     "peak x": report.number("peak_growth", "{:.2f}"),
+    "version": report.version,
 }
 
 
@@ -114,7 +116,7 @@ def _load(source, data):
 def _sequence_rows(source, names, sequences, repeats, n_jobs):
     """A row a name: means over the sequences, and their spread over the repeats."""
     seconds = np.empty((len(names), len(sequences), repeats))
-    errors, right = np.empty_like(seconds), np.empty_like(seconds)
+    cpu_seconds, errors, right = (np.empty_like(seconds) for _ in range(3))
     sizes = []  # tracks and frames of each sequence
     for s, sequence in enumerate(sequences):
         show_progress(f"{source}: {sequence.name}, {s + 1} of {len(sequences)}")
@@ -125,7 +127,7 @@ def _sequence_rows(source, names, sequences, repeats, n_jobs):
             name: partial(_segment, name, sequence, dense, n_jobs) for name in names
         }
         for i, runs in enumerate(interleave(calls, repeats, warm=s == 0).values()):
-            seconds[i, s] = runs.seconds
+            seconds[i, s], cpu_seconds[i, s] = runs.seconds, runs.cpu_seconds
             judged = [_judge(sequence, labels) for labels in runs.results]
             errors[i, s], right[i, s] = zip(*judged, strict=True)
     show_progress("")
@@ -135,6 +137,7 @@ def _sequence_rows(source, names, sequences, repeats, n_jobs):
     for i, name in enumerate(names):
         count = name.rpartition("-")[2]
         row = {"row": f"{source}-{name}", "seconds": spread(over_sequences[name])}
+        row["cpu_seconds"] = float(np.median(cpu_seconds[i].mean(axis=0)))
         if not name.startswith("thinned"):
             row |= {"n_tracks": float(n_tracks), "n_frames": float(n_frames)}
         else:
@@ -202,6 +205,7 @@ def _scale_rows(scene, sizes, repeats, n_jobs):
             "n_tracks": n_tracks,
             "n_frames": n_frames,
             "seconds": spread(measured["seconds"]),
+            "cpu_seconds": float(np.median(measured["cpu_seconds"])),
             "error": 100 * float(np.mean(measured["errors"])),
             "peak": measured["peak"],
         }

@@ -10,6 +10,7 @@ from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import (
     FEWEST_TRACKS,
     WINDOW_FRAMES,
+    Fit,
     Windows,
     window_frames,
 )
@@ -81,6 +82,23 @@ def test_refining_takes_the_better_of_two_starts(clip):
     )
     assert refined <= poor * (1 + 1e-9)
     assert refined < 1.05 * before
+
+
+def test_batches_of_any_size_give_the_same_motions(clip, monkeypatch):
+    windows, y = clip
+    groups = [np.flatnonzero(y == m) for m in range(y.max() + 1)]
+    groups += [group[:12] for group in groups]
+    fits = [Fit(group) for group in groups]
+    motions = windows.found(fits)
+    fits += [Fit(group, (motions[0],), 20) for group in groups]
+    together = windows.found(fits)
+    monkeypatch.setattr("skmotionseg._core.geometry.windows.BATCH", 3)
+    for one, other in zip(together, windows.found(fits), strict=True):
+        assert_array_equal(one.tracks, other.tracks)
+        assert_allclose(one.squares, other.squares, rtol=1e-6, atol=1e-14)
+    for fit, motion in zip(fits, together, strict=True):
+        (alone,) = windows.found([fit])
+        assert_allclose(alone.squares, motion.squares, rtol=1e-6, atol=1e-14)
 
 
 def test_residuals_are_in_pixels_of_a_video_640_wide(clip):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -92,6 +93,19 @@ def test_interleaved_calls_take_turns():
     runs = measuring.interleave(calls, 2)
     assert seen == [(name, seed) for seed in (0, 0, 1) for name in "ab"]
     assert [len(each.seconds) for each in runs.values()] == [2, 2]
+    assert [len(each.cpu_seconds) for each in runs.values()] == [2, 2]
+
+
+def test_seconds_of_the_processor_are_those_of_work_alone():
+    seconds, cpu_seconds, result = measuring.clock(time.sleep, 0.2)
+    assert result is None
+    assert cpu_seconds < 0.1 < seconds
+
+
+def test_rows_tell_the_version_that_they_are_of():
+    machine = "AMD, 2 cores; Python 3.11.7, NumPy 2.4.6 (blis 1.0), skmotionseg 0.1.0"
+    assert report.version({"machine": machine}) == "0.1.0"
+    assert report.version({}) == ""
 
 
 @pytest.mark.parametrize("fusion", ["coreg", "kernel_addition"])
@@ -125,6 +139,7 @@ def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tm
     assert record["clips-plain-known"]["plain_ratio"] == 1
     assert record["clips-coreg-known"]["plain_ratio"] > 0
     assert record["tracks-38"]["seconds_growth"] > 0
+    assert all(row["cpu_seconds"] > 0 for row in record.values())
 
 
 def test_growth_is_drawn_of_two_sizes_or_more(tmp_path):
