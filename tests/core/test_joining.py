@@ -29,7 +29,7 @@ def joined(windows, n_tracks, most=None, points=None, frames=None):
 
     Tracks are seen in all frames of a window, or in those of ``{track: frames}``.
     """
-    joiner = Joiner(n_tracks, most, 1.0)
+    joiner = Joiner(n_tracks, most, np.array([640.0, 480.0]))
     for k, labels in enumerate(windows):
         tracks = np.array(sorted(labels))
         where = np.zeros((len(tracks), 10, 2)) if points is None else points[k][tracks]

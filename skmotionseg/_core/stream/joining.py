@@ -74,19 +74,19 @@ class Joiner:
     n_tracks : int
     most : int or None
         Motions at most.
-    pixel : float
-        Pixels per pixel of a picture 640 pixels wide.
+    size : ndarray of shape (2,)
+        Of the picture, pixels.
 
     Attributes
     ----------
     numbers : Numbers
     """
 
-    def __init__(self, n_tracks, most, pixel):
-        self.numbers, self.most, self.pixel = Numbers(), most, pixel
+    def __init__(self, n_tracks, most, size):
+        self.numbers, self.most, self.size = Numbers(), most, size
         self._last = np.full(n_tracks, -1)  # number of each track in the last window
         self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
-        self._traces: dict[int, Trace] = {}  # where the motions of the last one ended
+        self._living: list[int] = []  # motions of the last window, ascending
 
     def add(self, part, points, seen, labels):
         """Join the next window.
@@ -104,20 +104,21 @@ class Joiner:
             np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)
         ]
         going_on = self._going_on([part.tracks[rows] for rows in groups])
-        for number in set(self._traces) - set(going_on.values()):
-            self.numbers.hide(number, self._traces.pop(number))
+        gone = set(self._living) - set(going_on.values())
+        for number in sorted(gone):
+            self.numbers.hide(number)
         order = sorted(range(len(groups)), key=lambda k: (k not in going_on, k))
         names = np.full(len(groups) + 1, -1)  # the last is of no motion
         for k in order:
-            rows = groups[k]
+            where = part.start, points[groups[k]], seen[groups[k]]
             names[k] = going_on.get(k, -1)
             if k not in going_on:
-                trace = _trace(part.start, points[rows], seen[rows], first=True)
                 living = {int(name) for name in names if name >= 0}
-                names[k] = self._number_of(part.tracks[rows], trace, living)
-            trace = _trace(part.start, points[rows], seen[rows], first=False)
-            if trace is not None and names[k] >= 0:
-                self._end(int(names[k]), trace)
+                first = Trace.of(*where, first=True)
+                names[k] = self._number_of(part.tracks[groups[k]], first, living)
+            if names[k] >= 0:
+                self.numbers.see(int(names[k]), Trace.of(*where))
+        self._living = sorted({int(name) for name in names if name >= 0})
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
         self.numbers.forget(part.start)
 
@@ -137,7 +138,7 @@ class Joiner:
 
     def _going_on(self, groups):
         """Number of each group that goes on from the last window: {group: number}."""
-        living = sorted(self._traces)
+        living = self._living
         if not living or not groups:
             return {}
         shared = np.array(
@@ -154,27 +155,20 @@ class Joiner:
             if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
         }
 
-    def _number_of(self, tracks, trace, living):
+    def _number_of(self, tracks, first, living):
         """Number of a group that does not go on; -1 of one that nothing tells.
 
         A motion that left the picture before the group came into it may be the same.
         """
-        ended = {
-            number: self._traces[number]
-            for number in living & set(self._traces)
-            if trace is not None and self._traces[number].frame <= trace.frame
+        last = {
+            n: self.numbers.traces[n].frame for n in living & set(self.numbers.traces)
         }
+        ended = [n for n, frame in last.items() if first and frame <= first.frame]
         shared, former = self._shared_most(tracks), self._former(tracks)
         number, _ = self.numbers.of(
-            trace, self.pixel, living, former, self.most, ended, shared
+            first, self.size, living, former, self.most, ended, shared
         )
         return -1 if number is None else number
-
-    def _end(self, number, trace):
-        """Note where a motion was seen last; a part of it may have gone before."""
-        known = self._traces.get(number)
-        if known is None or known.frame <= trace.frame:
-            self._traces[number] = trace
 
     def _former(self, tracks):
         """The number that most of some tracks have had; None if they had none."""
@@ -194,15 +188,3 @@ class Joiner:
         self._votes[tracks[voting], names[voting]] += times[voting]
         self._last[:] = -1
         self._last[tracks] = names
-
-
-def _trace(start, points, seen, first):
-    """Where tracks are in the first or last frame that sees three of them."""
-    last = start + seen.shape[1] - 1
-    if first:
-        return Trace.first(last, points, seen)
-    backwards = Trace.first(last, points[:, ::-1], seen[:, ::-1])
-    if backwards is None:
-        return None
-    gone = last - backwards.frame  # frames from the first to the last that sees it
-    return backwards._replace(frame=start + gone)

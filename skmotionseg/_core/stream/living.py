@@ -9,7 +9,6 @@ import numpy as np
 from .assignment import measure
 from .births import FEWEST_MEMBERS, apartness
 from .buffer import UNKNOWN
-from .identities import Trace
 from .window import FEWEST_TRACKS, Fit
 
 # Median deviation, in scales, above which a motion is fitted from several starts, and
@@ -46,7 +45,6 @@ class LivingMotion:
         alike to a larger one.
     is_apart : bool
         Whether it is now.
-    trace : Trace or None
     """
 
     number: int
@@ -57,7 +55,6 @@ class LivingMotion:
     apart: int = 0
     alike: int = 0
     is_apart: bool = False
-    trace: Trace | None = None
 
     @property
     def is_candidate(self):

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import LEAST_NOISE
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
@@ -75,6 +74,8 @@ class MotionStream:
         None as long as no motion was found.
     scale : float
         Of the residuals, in calibrated coordinates.
+    size : ndarray of shape (2,)
+        Of the picture, pixels: of what the first tracks cover.
     """
 
     def __init__(self, n_motions, rng, keep_history=True):
@@ -85,6 +86,7 @@ class MotionStream:
         self.numbers = Numbers()
         self.motions: list[LivingMotion] = []
         self.camera: Any = None
+        self.size = np.ones(2)
         self.scale = 0.0
         self.first = 0  # frame since which motions are looked for, where there are none
         self.broken = 0  # frames in which no track of before goes on
@@ -165,6 +167,7 @@ class MotionStream:
         found = calibrate(self.buffer.points, self.buffer.seen, rows, groups)
         if np.isfinite(found.nats):
             self.camera, self.scale = found.camera, found.scale
+            self.size = _covered(self.buffer.points[self.buffer.seen])
         for k, (group, fit) in enumerate(zip(groups, found.fits, strict=True)):
             if fit is not None:
                 self._begin(group, fit, static=k == 0)
@@ -175,16 +178,14 @@ class MotionStream:
     def _begin(self, group, fit, static):
         """Let a motion live that was found at a start."""
         buffer = self.buffer
-        trace = Trace.of(self.frame, buffer.points[group], buffer.seen[group])
+        trace = self._trace(group)
         living = {motion.number for motion in self.motions}
         former = 0 if static else _most(buffer.labels[group])
-        number, _ = self.numbers.of(
-            trace, self._pixel(), living, former, self.n_motions
-        )
+        number, _ = self.numbers.of(trace, self.size, living, former, self.n_motions)
         if number is not None:
             buffer.labels[group] = number
-            motion = LivingMotion(number, fit, self.frame, trace=trace)
-            self.motions.append(motion)
+            self.numbers.see(number, trace)
+            self.motions.append(LivingMotion(number, fit, self.frame))
 
     # ------------------------------------------------------------------ from then on
 
@@ -210,7 +211,8 @@ class MotionStream:
         """End all motions: what comes is another film."""
         for motion in self.motions:
             self.buffer.release(motion.number)
-        self.motions, self.numbers.hidden, self.broken = [], {}, 0
+        self.motions, self.broken = [], 0
+        self.numbers.forget_all()
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
         self.first = self.frame - CUT_AFTER + 1
 
@@ -254,8 +256,8 @@ class MotionStream:
         for k in reversed(range(len(self.motions))):
             motion = self.motions[k]
             rows = np.flatnonzero(now & (self.buffer.labels == motion.number))
-            seen = self.buffer.points[rows], self.buffer.seen[rows]
-            motion.trace = Trace.of(self.frame, *seen) or motion.trace
+            if not motion.is_candidate:
+                self.numbers.see(motion.number, self._trace(rows, 1))
             rows = rows[window.freedom[rows] >= LEAST_FREEDOM]
             other = compare(window, residuals, self.motions, k, rows, sizes)
             decision = verdict(motion, len(rows))
@@ -269,12 +271,9 @@ class MotionStream:
 
     def _confirm(self, motion, rows, events):
         """Give a candidate a number; "dropped" if there are as many as may be."""
-        first = Trace.first(
-            self.frame, self.buffer.points[rows], self.buffer.seen[rows]
-        )
         number, again = self.numbers.of(
-            first,
-            self._pixel(),
+            self._trace(rows, first=True),
+            self.size,
             {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
             self.n_motions,
@@ -293,12 +292,18 @@ class MotionStream:
         return None
 
     def _fading(self):
-        """Traces of motions that have lost their tracks, by number."""
-        return {
-            other.number: other.trace
+        """Numbers of motions that have lost their tracks."""
+        return [
+            other.number
             for other in self.motions
-            if other.unseen and other.is_established and other.trace is not None
-        }
+            if other.unseen and other.is_established
+        ]
+
+    def _trace(self, rows, n_frames=LENGTH, first=False):
+        """Where some tracks are in the last frames."""
+        points, seen = self.buffer.points[rows], self.buffer.seen[rows]
+        start = self.frame - n_frames + 1
+        return Trace.of(start, points[:, -n_frames:], seen[:, -n_frames:], first)
 
     def _remove(self, column, decision, other, events):
         """Take a motion out of the living."""
@@ -314,7 +319,7 @@ class MotionStream:
             words = f"motion {motion.number} is the same as {other.number}"
         else:
             if motion.is_established:  # else it may not have been one
-                self.numbers.hide(motion.number, motion.trace)
+                self.numbers.hide(motion.number)
             words = f"motion {motion.number} is out of view"
         events.append(Event(self.frame, decision, words))
 
@@ -356,9 +361,9 @@ class MotionStream:
                     return True
         return False
 
-    def _pixel(self):
-        """Pixels per pixel of a picture 640 pixels wide."""
-        return self.camera.unit * self.camera.noise / LEAST_NOISE
+
+def _covered(points):
+    return np.maximum(np.ptp(points, axis=0), 1)
 
 
 def _most(labels):
