@@ -145,9 +145,9 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         done=report and (lambda done: report(done, len(parts))),
     )
     joiner = Joiner(clip.n_tracks, most, clip.extent)
-    for part, labels in zip(parts, found, strict=True):
+    for part, (labels, surely) in zip(parts, found, strict=True):
         points, seen = clip.window(part)
-        joiner.add(part, points, seen, labels)
+        joiner.add(part, points, seen, labels, surely)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     return WindowedLabels(canonical_labels(labels), shares, frames)
@@ -165,13 +165,18 @@ def _for_windows(segmenter, most):
 
 
 def _recall(memory, estimator, X):
-    """Labels of a window from memory, or else put there."""
+    """What there is to know of a window, from memory, or else put there."""
     return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):
-    """Labels; the version says of what code they are, where they are kept."""
+    """Labels, and how probable it is that there are no fewer motions.
+
+    The version says of what code they are, where they are kept.
+    """
     try:
-        return estimator.fit(X).labels_
+        labels = estimator.fit(X).labels_
     except ValueError:  # hardly any tracks
-        return np.full(len(X), -1)
+        return np.full(len(X), -1), 1.0
+    surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
+    return labels, 1.0 if np.isnan(surely) else float(surely)

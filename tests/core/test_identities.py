@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import cauchy, norm
 
 from skmotionseg._core.stream.identities import (
     ANY_SIZE,
     MOST_ABSENT,
-    SAME_SIZE,
+    SIZE_CHANGES,
     SIZES,
     Numbers,
     Trace,
@@ -46,18 +47,21 @@ def test_what_was_elsewhere_long_ago_comes_back_where_it_used_to_be():
     numbers.new()
     numbers.see(0, at(204, 400.0, 100.0).after(often))  # and then it left
     numbers.hide(0)
-    assert numbers._evidence(at(210, 400.0, 100.0), SIZE, set())[0] > 0
-    assert numbers._evidence(at(290, 400.0, 100.0), SIZE, set())[0] < 0
-    assert numbers._evidence(at(290, 120.0, 110.0), SIZE, set())[0] > 0
-    assert numbers._evidence(at(290, 120.0, 110.0, 300.0), SIZE, set())[0] < 0
+    gone = numbers.traces[0]
+    assert gone.evidence(at(210, 400.0, 100.0), SIZE) > 0
+    assert gone.evidence(at(290, 400.0, 100.0), SIZE) < 0
+    there = gone.evidence(at(290, 120.0, 110.0), SIZE)
+    assert there > 0
+    assert gone.evidence(at(290, 120.0, 110.0, 60.0), SIZE) < there
 
 
 def test_evidence_is_the_ratio_of_two_densities():
     # A motion that was always at one place and of one size, as one that appears there.
     seen = at(0, 0.0, 0.0, 640 * ANY_SIZE)._replace(n_frames=10**9)
     nats = seen.evidence(at(1, 0.0, 0.0, 640 * ANY_SIZE), SIZE)
-    places = -np.log(2 * np.pi * (640 * ANY_SIZE) ** 2) + np.log(640 * 480)
-    assert_allclose(nats, places + np.log(SIZES / SAME_SIZE), rtol=1e-6)
+    places = norm.pdf(0, scale=640 * ANY_SIZE) ** 2 * 640 * 480
+    sizes = cauchy.pdf(0, scale=SIZE_CHANGES) / norm.pdf(0, scale=SIZES)
+    assert_allclose(nats, np.log(places * sizes), rtol=1e-6)
 
 
 def test_trace_of_tracks_is_where_three_are_seen():
@@ -118,3 +122,19 @@ def test_part_of_a_motion_is_that_motion_rather_than_a_hidden_one():
     # Of something large that covers the picture, anything may be a part.
     numbers.see(0, at(11, 100.0, 100.0, 10**6.0).after(numbers.traces[0]))
     assert numbers.of(near, SIZE, {0}, most=2, shared=0) == (1, True)
+
+
+def test_what_has_come_again_is_likely_to_come_again():
+    numbers = Numbers()
+    for place in (100.0, 500.0):
+        numbers.see(numbers.new(), at(0, place, 100.0))
+
+    place = at(60, 220.0, 240.0)  # which says little
+    numbers.hide(1)
+    assert numbers.of(place, SIZE, {0}) == (2, False)
+    assert numbers.n_new > numbers.n_again
+    for _ in range(9):
+        numbers.hide(1)
+        assert numbers.of(at(2, 500.0, 100.0), SIZE, {0}) == (1, True)
+    numbers.hide(1)
+    assert numbers.of(place, SIZE, {0}) == (1, True)

@@ -5,16 +5,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 # Tracks that show where a motion is.
 FEWEST_TRACKS = 3
 # Where a motion that nobody sees may be: it forgets where it was in so many frames, and
 # is then about where it used to be, which is known after so many; before, anywhere
 # within so many widths of the picture.
-FORGETS, LEARNT, ANYWHERE = 20.0, 60.0, 0.28
-# Standard deviation of the logarithm of its radius, then and now; and, of any motion,
-# the mean, in widths of the picture, and the standard deviation.
-SAME_SIZE, ANY_SIZE, SIZES = 0.6, 0.06, 0.8
+FORGETS, LEARNT, ANYWHERE = 21.0, 67.0, 0.28
+# By how much the logarithm of its radius differs then: the scale of a Cauchy
+# distribution, as a motion may be half hidden. That of any motion is normal: its mean,
+# in widths of the picture, and standard deviation.
+SIZE_CHANGES, ANY_SIZE, SIZES = 0.45, 0.06, 0.8
 # Frames after which a motion that nobody sees is given up.
 MOST_ABSENT = 100
 
@@ -114,7 +116,7 @@ class Trace(NamedTuple):
         variance += np.exp(2 * max(self.log_radius, first.log_radius))
         expected = usual + kept * (self.place - usual)
         same = _log_normal(first.place, expected, variance).sum()
-        same += _log_normal(first.log_radius, self.log_radius, SAME_SIZE**2)
+        same += _log_cauchy(first.log_radius, self.log_radius, SIZE_CHANGES)
         usual_size = np.log(ANY_SIZE * width)
         other = _log_normal(first.log_radius, usual_size, SIZES**2)
         return float(same - other + np.log(size).sum())
@@ -126,6 +128,10 @@ class Trace(NamedTuple):
 
 def _log_normal(value, mean, variance):
     return -((value - mean) ** 2 / variance + np.log(2 * np.pi * variance)) / 2
+
+
+def _log_cauchy(value, middle, scale):
+    return -np.log1p(((value - middle) / scale) ** 2) - np.log(np.pi * scale)
 
 
 class Numbers:
@@ -140,6 +146,10 @@ class Numbers:
         Motions that nobody sees.
     merged : dict of int to int
         Numbers that turned out to be of a motion with another number.
+    n_again, n_new : float
+        How many of the motions that appeared while others were hidden were probably one
+        of these, and how many were not, and one of each: some films show the same
+        things again and again, others never.
     """
 
     def __init__(self):
@@ -147,6 +157,7 @@ class Numbers:
         self.traces = {}
         self.hidden = set()
         self.merged = {}
+        self.n_again = self.n_new = 1.0
 
     def merge(self, number, other):
         """Note that two numbers are of one motion."""
@@ -235,11 +246,16 @@ class Numbers:
         return labels
 
     def _evidence(self, first, size, fading):
-        """Nats by which each motion that nobody sees is likelier than a new one."""
-        if first is None:
-            return {}
+        """Log odds that what appears is each motion that nobody sees, and none new."""
         gone = sorted(self.hidden | (set(fading) & set(self.traces)))
-        return {n: self.traces[n].evidence(first, size) for n in gone}
+        if first is None or not gone:
+            return {}
+        odds = float(np.log(self.n_again / self.n_new))
+        nats = {n: odds + self.traces[n].evidence(first, size) for n in gone}
+        again = float(expit(max(nats.values())))
+        self.n_again += again
+        self.n_new += 1 - again
+        return nats
 
     def _drop(self, number):
         self.hidden.discard(number)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.special import logit
 
 from .identities import Numbers, Trace
 
@@ -16,6 +17,9 @@ FEWEST_SEEN = 5
 # A motion goes on if it shares this part of the tracks that the smaller of two groups
 # shares with others, and so many.
 SHARED_PART, SHARED_TRACKS = 0.5, 3
+# Probability below which a motion is part of another, if windows before or after its
+# own say so; and what a window says at most.
+SURE, MOST_SURE = 0.95, 0.999
 
 
 class Part(NamedTuple):
@@ -87,8 +91,9 @@ class Joiner:
         self._last = np.full(n_tracks, -1)  # number of each track in the last window
         self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
         self._living: list[int] = []  # motions of the last window, ascending
+        self._log_odds: dict[int, float] = {}  # that each is one of its own
 
-    def add(self, part, points, seen, labels):
+    def add(self, part, points, seen, labels, surely=1.0):
         """Join the next window.
 
         Parameters
@@ -99,6 +104,8 @@ class Joiner:
         seen : ndarray of bool, shape (n, L)
         labels : ndarray of int, shape (n,)
             ``0..M - 1``, none empty; -1 for none.
+        surely : float
+            Probability that there are no fewer motions in the window.
         """
         groups = [
             np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)
@@ -119,6 +126,9 @@ class Joiner:
             if names[k] >= 0:
                 self.numbers.see(int(names[k]), Trace.of(*where))
         self._living = sorted({int(name) for name in names if name >= 0})
+        for number in self._living:
+            known = self._log_odds.get(number, 0.0)
+            self._log_odds[number] = known + logit(min(surely, MOST_SURE))
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
         self.numbers.forget(part.start)
 
@@ -131,10 +141,29 @@ class Joiner:
             -1 for none.
         shares : ndarray of shape (n_tracks,)
         """
-        votes = np.pad(self._votes, ((0, 0), (0, 1)))  # argmax needs one
+        votes = self._votes.copy()
+        for number, other in self._parts():
+            votes[:, other] += votes[:, number]
+            votes[:, number] = 0
+        votes = np.pad(votes, ((0, 0), (0, 1)))  # argmax needs one
         total = votes.sum(axis=1)
         shares = votes.max(axis=1) / np.maximum(total, 1)
         return np.where(total > 0, votes.argmax(axis=1), -1), shares
+
+    def _parts(self):
+        """Motions that may be none of their own, and those that they are part of.
+
+        Tracks that are seen in several windows have followed both.
+        """
+        unsure = [n for n, odds in self._log_odds.items() if odds < logit(SURE)]
+        found = []
+        for number in unsure:
+            rows = self._votes[:, number] > 0
+            shared = (self._votes[rows] > 0).sum(axis=0)
+            shared[unsure] = 0
+            if shared.max(initial=0) >= SHARED_TRACKS:
+                found.append((number, int(shared.argmax())))
+        return found
 
     def _going_on(self, groups):
         """Number of each group that goes on from the last window: {group: number}."""
