@@ -9,6 +9,7 @@ import numpy as np
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
+from .focal_length import FRAMES_PER_COMPARISON, FocalLength
 from .following import (
     are_doubtful,
     can_be_told,
@@ -19,7 +20,7 @@ from .following import (
 )
 from .history import History
 from .identities import Numbers, Trace
-from .living import LivingMotion, advance, compare, refit, verdict
+from .living import TOGETHER, LivingMotion, advance, compare, refit, verdict
 from .starting import SCALE_OF_NOISE, calibrate
 from .window import FEWEST_TRACKS, LENGTH, Window
 
@@ -72,6 +73,7 @@ class MotionStream:
     history : History or None
     camera : Camera or None
         None as long as no motion was found.
+    focal_length : FocalLength
     scale : float
         Of the residuals, in calibrated coordinates.
     size : ndarray of shape (2,)
@@ -87,6 +89,7 @@ class MotionStream:
         self.motions: list[LivingMotion] = []
         self.camera: Any = None
         self.size = np.ones(2)
+        self.focal_length = FocalLength()
         self.scale = 0.0
         self.first = 0  # frame since which motions are looked for, where there are none
         self.broken = 0  # frames in which no track of before goes on
@@ -198,6 +201,7 @@ class MotionStream:
         residuals = self._assign(window, groups)
         residuals, events = self._judge(window, residuals)
         self._look(window, residuals)
+        self._calibrate()
         events += [
             Event(self.frame, "gone", f"motion {number} has not been seen for long")
             for number in self.numbers.forget(self.frame)
@@ -206,6 +210,23 @@ class MotionStream:
             self._cut()
             events.append(Event(self.frame, "cut", "a cut: all motions have ended"))
         return events
+
+    def _calibrate(self):
+        """Change the focal length if another explains the motions better."""
+        if self.frame % FRAMES_PER_COMPARISON or not self.motions:
+            return
+        camera, fits = self.focal_length.compare(
+            self.buffer,
+            self.camera,
+            self.scale,
+            fitted_groups(self.buffer, self.motions),
+            [motion.fit for motion in self.motions],
+            self.size.max(),
+        )
+        self.scale *= self.camera.unit / camera.unit
+        self.camera = camera
+        for motion, fit in zip(self.motions, fits, strict=True):
+            motion.fit = fit
 
     def _cut(self):
         """End all motions: what comes is another film."""
@@ -259,15 +280,39 @@ class MotionStream:
             if not motion.is_candidate:
                 self.numbers.see(motion.number, self._trace(rows, 1))
             rows = rows[window.freedom[rows] >= LEAST_FREEDOM]
-            other = compare(window, residuals, self.motions, k, rows, sizes)
-            decision = verdict(motion, len(rows))
+            alike, closest = compare(window, residuals, self.motions, k, rows, sizes)
+            self._establish(window, motion, closest, rows)
+            decision = verdict(motion, len(rows), alike)
             if decision == "confirmed":
                 joint = self._explained_jointly(window, motion.fit, rows)
                 decision = "dropped" if joint else self._confirm(motion, rows, events)
             if decision is not None:
+                other = closest if decision == "joined" else alike
                 self._remove(k, decision, other, events)
                 residuals, sizes = residuals.without(k), np.delete(sizes, k)
         return residuals, events
+
+    def _establish(self, window, motion, closest, rows):
+        """Note whether a motion is one of its own, and no part of the closest.
+
+        Motions of parts of one thing may explain their own tracks better than each
+        other's, where the camera is not quite calibrated.
+        """
+        if motion.is_candidate or motion.is_established or self.frame % FRAMES_PER_LOOK:
+            return
+        others = fitted_groups(self.buffer, [closest])[0] if closest else rows[:0]
+        joint = None
+        if min(len(others), len(rows)) >= FEWEST_TRACKS:
+            groups, fits = (others, rows), (closest.fit, motion.fit)
+            joint, saved = joint_motion(window, self.scale, fits, groups)
+            joint = joint if saved <= 0 else None
+        if joint is not None:
+            motion.apart, motion.together = 0, motion.together + 1
+            if motion.together == TOGETHER and motion.number > 0:
+                closest.fit = joint
+        else:
+            motion.apart += FRAMES_PER_LOOK * motion.is_apart
+            motion.together = 0
 
     def _confirm(self, motion, rows, events):
         """Give a candidate a number; "dropped" if there are as many as may be."""
@@ -287,6 +332,7 @@ class MotionStream:
         own = self.buffer.labels == motion.number
         self.buffer.labels = np.where(own, number, self.buffer.labels)
         motion.number, motion.apart = number, 0
+        motion.source = _most(self.buffer.before[rows])
         kind, words = ("again", "is seen again") if again else ("new", "is new")
         events.append(Event(self.frame, kind, f"motion {number} {words}"))
         return None
@@ -313,15 +359,36 @@ class MotionStream:
         if motion.is_candidate:
             buffer.release(motion.number)
             return
-        if decision == "merged":
-            self.numbers.merge(motion.number, other.number)
-            buffer.labels = self.numbers.final(buffer.labels)
+        heir = other if decision == "continued" else self._heir(motion)
+        if decision in ("joined", "merged"):
+            decision = "merged"
+            self._join(motion.number, other.number)
             words = f"motion {motion.number} is the same as {other.number}"
+        elif heir is not None:
+            decision = "merged"
+            words = f"motion {heir.number} is the same as {motion.number}"
+            self._join(heir.number, motion.number)
+            heir.number, heir.apart = motion.number, motion.apart
         else:
             if motion.is_established:  # else it may not have been one
                 self.numbers.hide(motion.number)
             words = f"motion {motion.number} is out of view"
         events.append(Event(self.frame, decision, words))
+
+    def _join(self, number, other):
+        """Give tracks of a motion the number of another."""
+        self.numbers.merge(number, other)
+        self.buffer.labels = self.numbers.final(self.buffer.labels)
+
+    def _heir(self, motion):
+        """What has taken the tracks of a motion, and may not be one of its own."""
+        known = [
+            other
+            for other in self.motions
+            if other.source == motion.number
+            and not (other.is_candidate or other.is_established)
+        ]
+        return known[0] if known else None
 
     def _look(self, window, residuals):
         """Look for a motion of tracks that none explains: a candidate."""
