@@ -13,10 +13,9 @@ FEWEST_TRACKS = 3
 # is then about where it used to be, which is known after so many; before, anywhere
 # within so many widths of the picture.
 FORGETS, LEARNT, ANYWHERE = 21.0, 67.0, 0.28
-# By how much the logarithm of its radius differs then: the scale of a Cauchy
-# distribution, as a motion may be half hidden. That of any motion is normal: its mean,
-# in widths of the picture, and standard deviation.
-SIZE_CHANGES, ANY_SIZE, SIZES = 0.45, 0.06, 0.8
+# Standard deviation of the logarithm of its radius, then from now; and that of any
+# motion: its mean, in widths of the picture, and standard deviation.
+SIZE_CHANGES, ANY_SIZE, SIZES = 0.6, 0.06, 0.8
 # Frames after which a motion that nobody sees is given up.
 MOST_ABSENT = 100
 
@@ -116,7 +115,7 @@ class Trace(NamedTuple):
         variance += np.exp(2 * max(self.log_radius, first.log_radius))
         expected = usual + kept * (self.place - usual)
         same = _log_normal(first.place, expected, variance).sum()
-        same += _log_cauchy(first.log_radius, self.log_radius, SIZE_CHANGES)
+        same += _log_normal(first.log_radius, self.log_radius, SIZE_CHANGES**2)
         usual_size = np.log(ANY_SIZE * width)
         other = _log_normal(first.log_radius, usual_size, SIZES**2)
         return float(same - other + np.log(size).sum())
@@ -128,10 +127,6 @@ class Trace(NamedTuple):
 
 def _log_normal(value, mean, variance):
     return -((value - mean) ** 2 / variance + np.log(2 * np.pi * variance)) / 2
-
-
-def _log_cauchy(value, middle, scale):
-    return -np.log1p(((value - middle) / scale) ** 2) - np.log(np.pi * scale)
 
 
 class Numbers:
