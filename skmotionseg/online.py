@@ -33,12 +33,16 @@ class OnlineMotionSegmenter(BaseEstimator):
     that explains them best, in these frames and, less and less, in earlier ones;
     neighbours in the picture have a say where that is open. Tracks that no motion
     explains make a new one, if it explains several of them much better than a motion
-    that is there could, and still does so five frames later.
+    that is there could, and still does so five frames later. What a joint motion
+    explains again and again, until it has been a motion of its own for long enough, is
+    joined. Every tenth frame, the focal length is compared with a longer and a shorter
+    one.
 
     Labels are identities that last. A motion keeps its number as long as it lives, and
     a number is given once. 0 is the static scene. What stops keeps its number, and what
-    was out of view gets its own back if its tracks do, or if it comes back to where it
-    may be expected, within 100 frames.
+    was out of view gets its own back if its tracks do, or if, within 100 frames, it is
+    likelier to be the same than a new one: by its size, and by the places where it was
+    last and used to be.
 
     Parameters
     ----------

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._core.geometry.tracks import pack_tracks
 from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
+from .._segmenter.long_clips import extent_of
 from .._utils.writing import replacing
 from ..video._tracking import PointTracker, TrackerState
 
@@ -184,7 +185,7 @@ class StoredClip:
         Tracks that are kept, and frames.
     rows : ndarray of int, shape (n_ids,)
         Which of them an id is; -1 of those that are too short.
-    width, parts
+    extent, parts
         As of :class:`~skmotionseg._segmenter.long_clips.LongClip`.
     """
 
@@ -203,7 +204,7 @@ class StoredClip:
             if kept[ids].any()
             for corner in (points[kept[ids]].min(axis=0), points[kept[ids]].max(axis=0))
         ]
-        self.width = float(np.ptp(corners, axis=0).max()) if corners else 0.0
+        self.extent = extent_of(corners)
         self.parts = [self._part(*ends) for ends in window_ends(stored.n_frames)]
 
     @property

@@ -18,8 +18,6 @@ from .._version import __version__
 
 # Frames above which a clip is taken in windows.
 LONG_CLIP = 100
-# Pictures in which distances between motions are measured are so many pixels wide.
-REFERENCE_WIDTH = 640
 # Tracks of a matrix that are unpacked at a time.
 BATCH = 1000
 
@@ -63,8 +61,8 @@ class LongClip:
         Which frames of the matrix they are.
     times : ndarray of int, shape (n_tracks,)
         Frames in which each track is seen.
-    width : float
-        Of what the tracks cover, pixels: the longer side.
+    extent : ndarray of shape (2,)
+        Of what the tracks cover, pixels.
     parts : list of Part
         Its windows, in its frames.
     """
@@ -80,7 +78,7 @@ class LongClip:
         visibility = np.concatenate(seen)
         self.frames = non_empty_frames(visibility, fewest)
         self.n_tracks, self.n_frames = len(X), len(self.frames)
-        self.width = float(np.ptp(corners, axis=0).max()) if corners else 0.0
+        self.extent = extent_of(corners)
         self.times = visibility.sum(axis=1)
         self.parts = parts_of(visibility[:, self.frames])
 
@@ -94,6 +92,11 @@ def points_in_batches(X, frames):
     """Points (n, n_frames, 2) in some frames of a matrix, some tracks at a time."""
     for batch in _batches(X):
         yield unpack_tracks(batch[:, _columns(frames)])[0]
+
+
+def extent_of(corners):
+    """Width and height (2,) of what has such corners, pixels; at least one each."""
+    return np.maximum(np.ptp(corners, axis=0) if corners else [0, 0], 1.0)
 
 
 def _batches(X):
@@ -110,7 +113,7 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     Parameters
     ----------
     clip : LongClip
-        Or what else has its ``n_tracks``, ``width``, ``parts`` and ``window``.
+        Or what else has its ``n_tracks``, ``extent``, ``parts`` and ``window``.
     segmenter : MotionSegmenter
         Whose parameters the windows are segmented with. Their number of motions is
         open, as some may be out of view: ``n_motions`` is that of the whole.
@@ -141,10 +144,10 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         n_jobs=segmenter.n_jobs,
         done=report and (lambda done: report(done, len(parts))),
     )
-    joiner = Joiner(clip.n_tracks, most, clip.width / REFERENCE_WIDTH)
-    for part, labels in zip(parts, found, strict=True):
+    joiner = Joiner(clip.n_tracks, most, clip.extent)
+    for part, (labels, surely) in zip(parts, found, strict=True):
         points, seen = clip.window(part)
-        joiner.add(part, points, seen, labels)
+        joiner.add(part, points, seen, labels, surely)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     return WindowedLabels(canonical_labels(labels), shares, frames)
@@ -162,13 +165,18 @@ def _for_windows(segmenter, most):
 
 
 def _recall(memory, estimator, X):
-    """Labels of a window from memory, or else put there."""
+    """What there is to know of a window, from memory, or else put there."""
     return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):
-    """Labels; the version says of what code they are, where they are kept."""
+    """Labels, and how probable it is that there are no fewer motions.
+
+    The version says of what code they are, where they are kept.
+    """
     try:
-        return estimator.fit(X).labels_
+        labels = estimator.fit(X).labels_
     except ValueError:  # hardly any tracks
-        return np.full(len(X), -1)
+        return np.full(len(X), -1), 1.0
+    surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
+    return labels, 1.0 if np.isnan(surely) else float(surely)

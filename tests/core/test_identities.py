@@ -3,39 +3,95 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.stats import norm
 
-from skmotionseg._core.stream.identities import MOST_ABSENT, Numbers, Trace
+from skmotionseg._core.stream.identities import (
+    ANY_SIZE,
+    MOST_ABSENT,
+    SIZE_CHANGES,
+    SIZES,
+    Numbers,
+    Trace,
+)
+
+SIZE = np.array([640.0, 480.0])
 
 
-def at(frame, x, y, velocity=(0.0, 0.0), radius=20.0):
-    return Trace(frame, np.array([x, y]), np.array(velocity), radius)
+def at(frame, x, y, radius=20.0):
+    place = np.array([x, y])
+    return Trace(frame, place, 1, place, np.zeros(2), np.log(radius))
 
 
 def test_numbers_come_back_where_they_are_expected():
     numbers = Numbers()
     assert [numbers.new() for _ in range(3)] == [0, 1, 2]
-    numbers.hide(1, at(10, 100.0, 100.0, (10.0, 0.0)))
-    numbers.hide(2, at(10, 500.0, 100.0))
-    assert numbers.of(at(18, 175.0, 100.0), 1.0, {0}) == (1, True)
-    assert numbers.of(at(18, 175.0, 100.0), 1.0, {0, 1}) == (3, False)
-    assert numbers.of(at(18, 300.0, 400.0), 1.0, {0, 1, 3}, former=2) == (2, True)
-    assert numbers.hidden == {}
+    numbers.see(1, at(10, 100.0, 100.0))
+    numbers.see(2, at(10, 500.0, 100.0))
+    numbers.hide(1), numbers.hide(2)
+    assert numbers.of(at(18, 175.0, 100.0), SIZE, {0}) == (1, True)
+    assert numbers.of(at(18, 175.0, 100.0), SIZE, {0, 1}) == (3, False)
+    assert numbers.of(at(18, 300.0, 400.0), SIZE, {0, 1, 3}, former=2) == (2, True)
+    assert numbers.hidden == set()
+
+
+def test_what_was_elsewhere_long_ago_comes_back_where_it_used_to_be():
+    places = 100 + np.array([[0.0, 0.0], [30.0, 0.0], [0.0, 30.0], [30.0, 30.0]])
+    often = at(0, *places[0])
+    for frame in range(1, 200):
+        often = at(frame, *places[frame % 4]).after(often)
+    assert often.n_frames == 200
+    assert_allclose(often.mean, places.mean(axis=0))
+    assert_allclose(often.variance, places.var(axis=0), rtol=1e-9)
+    numbers = Numbers()
+    numbers.new()
+    numbers.see(0, at(204, 400.0, 100.0).after(often))  # and then it left
+    numbers.hide(0)
+    gone = numbers.traces[0]
+    assert gone.evidence(at(210, 400.0, 100.0), SIZE) > 0
+    assert gone.evidence(at(290, 400.0, 100.0), SIZE) < 0
+    there = gone.evidence(at(290, 120.0, 110.0), SIZE)
+    assert there > 0
+    assert gone.evidence(at(290, 120.0, 110.0, 60.0), SIZE) < there
+
+
+def test_evidence_is_the_ratio_of_two_densities():
+    # A motion that was always at one place and of one size, as one that appears there.
+    seen = at(0, 0.0, 0.0, 640 * ANY_SIZE)._replace(n_frames=10**9)
+    nats = seen.evidence(at(1, 0.0, 0.0, 640 * ANY_SIZE), SIZE)
+    places = norm.pdf(0, scale=640 * ANY_SIZE) ** 2 * 640 * 480
+    sizes = norm.pdf(0, scale=SIZE_CHANGES) / norm.pdf(0, scale=SIZES)
+    assert_allclose(nats, np.log(places * sizes), rtol=1e-6)
+
+
+def test_trace_of_tracks_is_where_three_are_seen():
+    points = np.zeros((5, 6, 2)) + np.arange(6)[:, None]
+    seen = np.ones((5, 6), dtype=bool)
+    seen[:3, 4:] = seen[2:, 0] = False  # two tracks at the ends
+    last, first = (Trace.of(10, points, seen, first=first) for first in (False, True))
+    assert (last.frame, first.frame, last.n_frames) == (13, 11, 3)
+    assert_array_equal(last.place, [3, 3])
+    assert_array_equal(first.place, [1, 1])
+    assert_array_equal(last.mean, [2, 2])
+    assert last.log_radius == 0  # no less than a pixel
+    assert Trace.of(10, points, seen[:2], first=True) is None
 
 
 def test_numbers_that_are_all_given_come_back_anywhere():
     numbers = Numbers()
     numbers.new(), numbers.new()
-    assert numbers.of(at(5, 0.0, 0.0), 1.0, {0, 1}, most=2) == (None, False)
-    numbers.hide(1, at(6, 0.0, 0.0))
-    assert numbers.of(at(9, 600.0, 400.0), 1.0, {0}, most=2) == (1, True)
+    assert numbers.of(at(5, 0.0, 0.0), SIZE, {0, 1}, most=2) == (None, False)
+    numbers.see(1, at(6, 0.0, 0.0))
+    numbers.hide(1)
+    assert numbers.of(at(9, 600.0, 400.0), SIZE, {0}, most=2) == (1, True)
 
 
 def test_numbers_are_forgotten_and_merged():
     numbers = Numbers()
     for _ in range(4):
         numbers.new()
-    numbers.hide(1, at(0, 0.0, 0.0))
+    numbers.see(1, at(0, 0.0, 0.0))
+    numbers.hide(1)
     assert numbers.forget(MOST_ABSENT) == []
     assert numbers.forget(MOST_ABSENT + 1) == [1]
     numbers.merge(3, 2)
@@ -46,8 +102,39 @@ def test_numbers_are_forgotten_and_merged():
 def test_motion_that_has_lost_its_tracks_may_be_the_one_that_appears():
     numbers = Numbers()
     numbers.new(), numbers.new()
-    fading = {1: at(10, 100.0, 100.0)}
+    numbers.see(1, at(10, 100.0, 100.0))
     near, far = at(12, 110.0, 100.0), at(12, 500.0, 400.0)
-    assert numbers.of(near, 1.0, {0}, fading=fading) == (1, True)
-    assert numbers.of(far, 1.0, {0}, fading=fading) == (2, False)
-    assert list(fading) == [1]
+    assert numbers.of(near, SIZE, {0}, fading=[1]) == (1, True)
+    assert numbers.of(far, SIZE, {0}, fading=[1]) == (2, False)
+    assert list(numbers.traces) == [1]
+
+
+def test_part_of_a_motion_is_that_motion_rather_than_a_hidden_one():
+    numbers = Numbers()
+    for place in (100.0, 400.0):
+        number = numbers.new()
+        numbers.see(number, at(10, place, 100.0))
+    numbers.hide(1)
+    near, far = at(12, 400.0, 100.0), at(60, 300.0, 100.0)
+    assert numbers.of(far, SIZE, {0}, most=2) == (1, True)
+    numbers.hide(1)
+    assert numbers.of(far, SIZE, {0}, most=2, shared=0) == (0, True)
+    # Of something large that covers the picture, anything may be a part.
+    numbers.see(0, at(11, 100.0, 100.0, 10**6.0).after(numbers.traces[0]))
+    assert numbers.of(near, SIZE, {0}, most=2, shared=0) == (1, True)
+
+
+def test_what_has_come_again_is_likely_to_come_again():
+    numbers = Numbers()
+    for place in (100.0, 500.0):
+        numbers.see(numbers.new(), at(0, place, 100.0))
+
+    place = at(60, 220.0, 240.0)  # which says little
+    numbers.hide(1)
+    assert numbers.of(place, SIZE, {0}) == (2, False)
+    assert numbers.n_new > numbers.n_again
+    for _ in range(9):
+        numbers.hide(1)
+        assert numbers.of(at(2, 500.0, 100.0), SIZE, {0}) == (1, True)
+    numbers.hide(1)
+    assert numbers.of(place, SIZE, {0}) == (1, True)

@@ -29,7 +29,7 @@ def joined(windows, n_tracks, most=None, points=None, frames=None):
 
     Tracks are seen in all frames of a window, or in those of ``{track: frames}``.
     """
-    joiner = Joiner(n_tracks, most, 1.0)
+    joiner = Joiner(n_tracks, most, np.array([640.0, 480.0]))
     for k, labels in enumerate(windows):
         tracks = np.array(sorted(labels))
         where = np.zeros((len(tracks), 10, 2)) if points is None else points[k][tracks]
@@ -103,3 +103,26 @@ def test_part_of_a_motion_is_no_hidden_one_that_was_elsewhere():
     points = [*points, points[0]]
     labels = joined([first, second, second], 30, None, points)
     assert len(set(labels[10:20])) == 2
+
+
+def test_motion_that_one_window_is_unsure_of_is_part_of_another():
+    points = three_places(40)
+    points = [points[0][:30]] * 3
+    whole = {t: min(t // 10, 1) for t in range(30)}
+    split = {t: t // 10 for t in range(30)}
+
+    def joined_with(surely):
+        joiner = Joiner(30, None, np.array([640.0, 480.0]))
+        for k, (labels, sure) in enumerate(
+            zip([whole, split, whole], surely, strict=True)
+        ):
+            part = Part(10 * k, 10 * k + 10, np.arange(30))
+            seen = np.ones((30, 10), dtype=bool)
+            seen[20:25] = seen[20:25] & (k == 1)  # some are seen in this window only
+            joiner.add(part, points[k], seen, np.array(list(labels.values())), sure)
+        return joiner.labels()[0]
+
+    assert_array_equal(joined_with([1, 0.7, 1]), np.repeat([0, 1, 1], 10))
+    assert_array_equal(
+        joined_with([1, 0.99, 1]), np.repeat([0, 1, 2, 1], [10, 10, 5, 5])
+    )

@@ -5,152 +5,209 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
-# Frames over which the velocity of a motion in the picture is measured, and over which
-# it is trusted to go on when nobody sees it.
-VELOCITY_FRAMES, TRUSTED_FRAMES = 5, 10
-# A motion that comes back is expected within so many of its own radii, steps of its
-# velocity and pixels per frame of absence (of a picture 640 pixels wide).
-RADII, STEPS, PER_FRAME, AT_ONCE = 3.0, 4.0, 2.0, 20.0
+# Tracks that show where a motion is.
+FEWEST_TRACKS = 3
+# Where a motion that nobody sees may be: it forgets where it was in so many frames, and
+# is then about where it used to be, which is known after so many; before, anywhere
+# within so many widths of the picture.
+FORGETS, LEARNT, ANYWHERE = 21.0, 67.0, 0.28
+# Standard deviation of the logarithm of its radius, then from now; and that of any
+# motion: its mean, in widths of the picture, and standard deviation.
+SIZE_CHANGES, ANY_SIZE, SIZES = 0.6, 0.06, 0.8
 # Frames after which a motion that nobody sees is given up.
 MOST_ABSENT = 100
 
 
 class Trace(NamedTuple):
-    """Where a motion was in the picture when it was last seen.
+    """Where a motion was in the picture, in pixels.
 
     Attributes
     ----------
     frame : int
-    place, velocity : ndarray of shape (2,)
-        Pixels, and pixels per frame.
-    radius : float
-        Pixels.
+        In which it was seen last, or first.
+    place : ndarray of shape (2,)
+        In this frame.
+    n_frames : int
+        Frames that saw it.
+    mean, variance : ndarray of shape (2,)
+        Of its places in these.
+    log_radius : float
+        Mean logarithm of its radius.
     """
 
     frame: int
     place: np.ndarray
-    velocity: np.ndarray
-    radius: float
+    n_frames: int
+    mean: np.ndarray
+    variance: np.ndarray
+    log_radius: float
 
     @classmethod
-    def of(cls, frame, points, seen):
-        """The trace of tracks (n, L, 2) seen in the newest frame; None of too few."""
-        rows = np.flatnonzero(seen[:, -1])
-        if len(rows) < 3:
-            return None
-        place = np.median(points[rows, -1], axis=0)
-        radius = np.median(np.abs(points[rows, -1] - place), axis=0).max()
-        velocity = np.zeros(2)
-        back = min(VELOCITY_FRAMES, seen.shape[1] - 1)
-        both = rows[seen[rows, -1 - back]]
-        if len(both):
-            steps = points[both, -1] - points[both, -1 - back]
-            velocity = np.median(steps, axis=0) / back
-        return cls(frame, place, velocity, float(radius))
-
-    @classmethod
-    def first(cls, frame, points, seen):
-        """As :meth:`of`, for the first frame in which three of the tracks are seen.
-
-        The velocity is that of time running backwards.
-        """
-        frames = np.flatnonzero(seen.sum(axis=0) >= 3)
-        if len(frames) == 0:
-            return None
-        back = slice(None, frames[0] - 1 if frames[0] else None, -1)
-        first = frame - seen.shape[1] + 1 + int(frames[0])
-        return cls.of(first, points[:, back], seen[:, back])
-
-    def continued(self, other, pixel):
-        """How well a later trace is where this one leads.
+    def of(cls, start, points, seen, first=False):
+        """The trace of some tracks; None if no frame sees three of them.
 
         Parameters
         ----------
-        other : Trace
-        pixel : float
-            Pixels per pixel of a picture 640 pixels wide.
+        start : int
+            The first of the frames.
+        points : ndarray of shape (n, L, 2)
+        seen : ndarray of bool, shape (n, L)
+        first : bool
+            Whether the frame is the first that sees them, and not the last.
+        """
+        frames = np.flatnonzero(seen.sum(axis=0) >= FEWEST_TRACKS)
+        if len(frames) == 0:
+            return None
+        shown = np.where(seen[:, frames, None], points[:, frames], np.nan)
+        places = np.nanmedian(shown, axis=0)
+        radii = np.nanmedian(np.abs(shown - places), axis=0).max(axis=1)
+        at = 0 if first else -1
+        return cls(
+            start + int(frames[at]),
+            places[at],
+            len(frames),
+            places.mean(axis=0),
+            places.var(axis=0),
+            float(np.log(np.maximum(radii, 1)).mean()),
+        )
+
+    def after(self, other):
+        """With what another trace says of the same motion; the later frame is kept."""
+        n_frames = self.n_frames + other.n_frames
+        share = self.n_frames / n_frames
+        apart = self.mean - other.mean
+        variance = share * self.variance + (1 - share) * other.variance
+        last = self if self.frame >= other.frame else other
+        return Trace(
+            last.frame,
+            last.place,
+            n_frames,
+            other.mean + share * apart,
+            variance + share * (1 - share) * apart**2,
+            share * self.log_radius + (1 - share) * other.log_radius,
+        )
+
+    def evidence(self, first, size):
+        """Logarithm of how much likelier a motion that appears is this one than any.
+
+        Places are those of an Ornstein-Uhlenbeck process, whose mean and variance are
+        those of the places so far. Any motion appears anywhere in the picture.
+
+        Parameters
+        ----------
+        first : Trace
+        size : ndarray of shape (2,)
+            Of the picture, pixels.
 
         Returns
         -------
-        distance : float
-            Within 1 it may be the same motion.
-        surprise : float
-            By which motions that may be the same compare: nats, if places are normally
-            distributed and the distance is of three standard deviations.
+        float
+            Nats: above 0, it is the same rather than another.
         """
-        gap = other.frame - self.frame
-        # What leaves the picture may turn and come back where it left.
-        way = self.velocity * min(gap, TRUSTED_FRAMES)
-        along = (other.place - self.place) @ way / max(way @ way, 1e-12)
-        expected = self.place + way * np.clip(along, 0, 1)
-        reach = RADII * max(self.radius, other.radius)
-        reach += STEPS * np.linalg.norm(self.velocity)
-        reach += pixel * (AT_ONCE + PER_FRAME * gap)
-        distance = float(np.linalg.norm(other.place - expected) / reach)
-        return distance, 4.5 * distance**2 + 2 * float(np.log(reach))
+        width = size.max()
+        known = self.n_frames / (self.n_frames + LEARNT)
+        kept = np.exp(-max(first.frame - self.frame, 1) / FORGETS)
+        usual = known * self.mean + (1 - known) * self.place
+        variance = known * self.variance + (1 - known) * (ANYWHERE * width) ** 2
+        variance = variance * (1 - kept**2)
+        variance += np.exp(2 * max(self.log_radius, first.log_radius))
+        expected = usual + kept * (self.place - usual)
+        same = _log_normal(first.place, expected, variance).sum()
+        same += _log_normal(first.log_radius, self.log_radius, SIZE_CHANGES**2)
+        usual_size = np.log(ANY_SIZE * width)
+        other = _log_normal(first.log_radius, usual_size, SIZES**2)
+        return float(same - other + np.log(size).sum())
+
+    def evidence_of_part(self, size):
+        """As :meth:`evidence`, for what may be a part of it: near it, of any size."""
+        return float(np.log(size).sum() - np.log(2 * np.pi) - 2 * self.log_radius)
+
+
+def _log_normal(value, mean, variance):
+    return -((value - mean) ** 2 / variance + np.log(2 * np.pi * variance)) / 2
 
 
 class Numbers:
-    """Numbers of motions, none given twice, and motions that nobody sees.
+    """Numbers of motions, none given twice, and where they were seen.
 
     Attributes
     ----------
     next : int
         Given to the next new motion.
-    hidden : dict of int to Trace
+    traces : dict of int to Trace
+    hidden : set of int
+        Motions that nobody sees.
     merged : dict of int to int
         Numbers that turned out to be of a motion with another number.
+    n_again, n_new : float
+        How many of the motions that appeared while others were hidden were probably one
+        of these, and how many were not, and one of each: some films show the same
+        things again and again, others never.
     """
 
     def __init__(self):
         self.next = 0
-        self.hidden = {}
+        self.traces = {}
+        self.hidden = set()
         self.merged = {}
+        self.n_again = self.n_new = 1.0
 
     def merge(self, number, other):
         """Note that two numbers are of one motion."""
         of = {old: other if new == number else new for old, new in self.merged.items()}
         self.merged = {**of, number: other}
+        self._drop(number)
 
     def new(self):
         self.next += 1
         return self.next - 1
 
-    def hide(self, number, trace):
-        """Keep in mind a motion that is not seen."""
+    def see(self, number, trace):
+        """Note where a motion is seen; None if that is not known."""
         if trace is not None:
-            self.hidden[number] = trace
+            known = self.traces.get(number)
+            self.traces[number] = trace if known is None else trace.after(known)
+
+    def hide(self, number):
+        """Keep in mind a motion that is not seen."""
+        if number in self.traces:
+            self.hidden.add(number)
 
     def forget(self, frame):
         """Give up motions that were not seen for long; say which."""
-        lost = [n for n, t in self.hidden.items() if frame - t.frame > MOST_ABSENT]
+        ended = {number: self.traces[number].frame for number in sorted(self.hidden)}
+        lost = [n for n, last in ended.items() if frame - last > MOST_ABSENT]
         for number in lost:
-            del self.hidden[number]
+            self._drop(number)
         return lost
 
-    def of(
-        self, trace, pixel, living, former=None, most=None, fading=None, shared=None
-    ):
+    def forget_all(self):
+        """Give up all motions."""
+        self.traces, self.hidden = {}, set()
+
+    def of(self, first, size, living, former=None, most=None, fading=(), shared=None):
         """Number of a motion that has appeared, and whether it was there before.
 
         Parameters
         ----------
-        trace : Trace or None
-        pixel : float
-            As for :meth:`Trace.continued`.
+        first : Trace or None
+            Where it has appeared.
+        size : ndarray of shape (2,)
+            Of the picture, pixels.
         living : collection of int
             Numbers that others have.
         former : int, optional
             The number that most of its tracks had: theirs, if nobody has it.
         most : int, optional
             Numbers that may be given. If all are, it is the likeliest hidden one.
-        fading : dict of int to Trace, optional
+        fading : collection of int
             Motions that have lost their tracks, and are not hidden yet: they may be
             this one as well as those that are.
         shared : int, optional
-            The number of a motion that it may be a part of: its own if all numbers are
-            given and none is expected there.
+            The number of a motion that it may be a part of, if all numbers are given:
+            its own unless one that is hidden is likelier.
 
         Returns
         -------
@@ -159,19 +216,20 @@ class Numbers:
         again : bool
         """
         if former is not None and 0 <= former < self.next and former not in living:
-            self.hidden.pop(former, None)
+            self.hidden.discard(former)
             return former, True
-        traces = {} if trace is None else {**self.hidden, **(fading or {})}
-        known = {n: each.continued(trace, pixel) for n, each in traces.items()}
         full = most is not None and self.next >= most
-        likely = [n for n, (distance, _) in known.items() if distance <= 1]
+        known = self._evidence(first, size, fading)
+        if full and first is not None and shared in self.traces:
+            known[shared] = self.traces[shared].evidence_of_part(size)
+        likely = [number for number, nats in known.items() if nats > 0]
         if full and not likely:
             if shared is not None:
                 return shared, True
             likely = list(known)
         if likely:
-            number = min(likely, key=lambda n: known[n][1])
-            self.hidden.pop(number, None)
+            number = max(likely, key=lambda n: known[n])
+            self.hidden.discard(number)
             return number, True
         return (None, False) if full else (self.new(), False)
 
@@ -181,3 +239,19 @@ class Numbers:
         for number, other in self.merged.items():
             labels[labels == number] = other
         return labels
+
+    def _evidence(self, first, size, fading):
+        """Log odds that what appears is each motion that nobody sees, and none new."""
+        gone = sorted(self.hidden | (set(fading) & set(self.traces)))
+        if first is None or not gone:
+            return {}
+        odds = float(np.log(self.n_again / self.n_new))
+        nats = {n: odds + self.traces[n].evidence(first, size) for n in gone}
+        again = float(expit(max(nats.values())))
+        self.n_again += again
+        self.n_new += 1 - again
+        return nats
+
+    def _drop(self, number):
+        self.hidden.discard(number)
+        self.traces.pop(number, None)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.special import logit
 
 from .identities import Numbers, Trace
 
@@ -16,6 +17,9 @@ FEWEST_SEEN = 5
 # A motion goes on if it shares this part of the tracks that the smaller of two groups
 # shares with others, and so many.
 SHARED_PART, SHARED_TRACKS = 0.5, 3
+# Probability below which a motion is part of another, if windows before or after its
+# own say so; and what a window says at most.
+SURE, MOST_SURE = 0.95, 0.999
 
 
 class Part(NamedTuple):
@@ -74,21 +78,22 @@ class Joiner:
     n_tracks : int
     most : int or None
         Motions at most.
-    pixel : float
-        Pixels per pixel of a picture 640 pixels wide.
+    size : ndarray of shape (2,)
+        Of the picture, pixels.
 
     Attributes
     ----------
     numbers : Numbers
     """
 
-    def __init__(self, n_tracks, most, pixel):
-        self.numbers, self.most, self.pixel = Numbers(), most, pixel
+    def __init__(self, n_tracks, most, size):
+        self.numbers, self.most, self.size = Numbers(), most, size
         self._last = np.full(n_tracks, -1)  # number of each track in the last window
         self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
-        self._traces: dict[int, Trace] = {}  # where the motions of the last one ended
+        self._living: list[int] = []  # motions of the last window, ascending
+        self._log_odds: dict[int, float] = {}  # that each is one of its own
 
-    def add(self, part, points, seen, labels):
+    def add(self, part, points, seen, labels, surely=1.0):
         """Join the next window.
 
         Parameters
@@ -99,25 +104,31 @@ class Joiner:
         seen : ndarray of bool, shape (n, L)
         labels : ndarray of int, shape (n,)
             ``0..M - 1``, none empty; -1 for none.
+        surely : float
+            Probability that there are no fewer motions in the window.
         """
         groups = [
             np.flatnonzero(labels == k) for k in range(labels.max(initial=-1) + 1)
         ]
         going_on = self._going_on([part.tracks[rows] for rows in groups])
-        for number in set(self._traces) - set(going_on.values()):
-            self.numbers.hide(number, self._traces.pop(number))
+        gone = set(self._living) - set(going_on.values())
+        for number in sorted(gone):
+            self.numbers.hide(number)
         order = sorted(range(len(groups)), key=lambda k: (k not in going_on, k))
         names = np.full(len(groups) + 1, -1)  # the last is of no motion
         for k in order:
-            rows = groups[k]
+            where = part.start, points[groups[k]], seen[groups[k]]
             names[k] = going_on.get(k, -1)
             if k not in going_on:
-                trace = _trace(part.start, points[rows], seen[rows], first=True)
                 living = {int(name) for name in names if name >= 0}
-                names[k] = self._number_of(part.tracks[rows], trace, living)
-            trace = _trace(part.start, points[rows], seen[rows], first=False)
-            if trace is not None and names[k] >= 0:
-                self._end(int(names[k]), trace)
+                first = Trace.of(*where, first=True)
+                names[k] = self._number_of(part.tracks[groups[k]], first, living)
+            if names[k] >= 0:
+                self.numbers.see(int(names[k]), Trace.of(*where))
+        self._living = sorted({int(name) for name in names if name >= 0})
+        for number in self._living:
+            known = self._log_odds.get(number, 0.0)
+            self._log_odds[number] = known + logit(min(surely, MOST_SURE))
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
         self.numbers.forget(part.start)
 
@@ -130,14 +141,33 @@ class Joiner:
             -1 for none.
         shares : ndarray of shape (n_tracks,)
         """
-        votes = np.pad(self._votes, ((0, 0), (0, 1)))  # argmax needs one
+        votes = self._votes.copy()
+        for number, other in self._parts():
+            votes[:, other] += votes[:, number]
+            votes[:, number] = 0
+        votes = np.pad(votes, ((0, 0), (0, 1)))  # argmax needs one
         total = votes.sum(axis=1)
         shares = votes.max(axis=1) / np.maximum(total, 1)
         return np.where(total > 0, votes.argmax(axis=1), -1), shares
 
+    def _parts(self):
+        """Motions that may be none of their own, and those that they are part of.
+
+        Tracks that are seen in several windows have followed both.
+        """
+        unsure = [n for n, odds in self._log_odds.items() if odds < logit(SURE)]
+        found = []
+        for number in unsure:
+            rows = self._votes[:, number] > 0
+            shared = (self._votes[rows] > 0).sum(axis=0)
+            shared[unsure] = 0
+            if shared.max(initial=0) >= SHARED_TRACKS:
+                found.append((number, int(shared.argmax())))
+        return found
+
     def _going_on(self, groups):
         """Number of each group that goes on from the last window: {group: number}."""
-        living = sorted(self._traces)
+        living = self._living
         if not living or not groups:
             return {}
         shared = np.array(
@@ -154,27 +184,20 @@ class Joiner:
             if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
         }
 
-    def _number_of(self, tracks, trace, living):
+    def _number_of(self, tracks, first, living):
         """Number of a group that does not go on; -1 of one that nothing tells.
 
         A motion that left the picture before the group came into it may be the same.
         """
-        ended = {
-            number: self._traces[number]
-            for number in living & set(self._traces)
-            if trace is not None and self._traces[number].frame <= trace.frame
+        last = {
+            n: self.numbers.traces[n].frame for n in living & set(self.numbers.traces)
         }
+        ended = [n for n, frame in last.items() if first and frame <= first.frame]
         shared, former = self._shared_most(tracks), self._former(tracks)
         number, _ = self.numbers.of(
-            trace, self.pixel, living, former, self.most, ended, shared
+            first, self.size, living, former, self.most, ended, shared
         )
         return -1 if number is None else number
-
-    def _end(self, number, trace):
-        """Note where a motion was seen last; a part of it may have gone before."""
-        known = self._traces.get(number)
-        if known is None or known.frame <= trace.frame:
-            self._traces[number] = trace
 
     def _former(self, tracks):
         """The number that most of some tracks have had; None if they had none."""
@@ -194,15 +217,3 @@ class Joiner:
         self._votes[tracks[voting], names[voting]] += times[voting]
         self._last[:] = -1
         self._last[tracks] = names
-
-
-def _trace(start, points, seen, first):
-    """Where tracks are in the first or last frame that sees three of them."""
-    last = start + seen.shape[1] - 1
-    if first:
-        return Trace.first(last, points, seen)
-    backwards = Trace.first(last, points[:, ::-1], seen[:, ::-1])
-    if backwards is None:
-        return None
-    gone = last - backwards.frame  # frames from the first to the last that sees it
-    return backwards._replace(frame=start + gone)

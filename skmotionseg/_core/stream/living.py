@@ -9,7 +9,6 @@ import numpy as np
 from .assignment import measure
 from .births import FEWEST_MEMBERS, apartness
 from .buffer import UNKNOWN
-from .identities import Trace
 from .window import FEWEST_TRACKS, Fit
 
 # Median deviation, in scales, above which a motion is fitted from several starts, and
@@ -20,8 +19,11 @@ REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
 # Frames after which a candidate is a motion, or is none, and by how much it is apart.
 CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 2.0
 # Apartness below which two motions are alike, and frames of it after which one that
-# was apart for less than so many frames is merged with the other.
+# was apart for less than so many frames, judged one in three, is merged with the other.
 ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 10
+# Times that a joint motion explains it and the closest, until then, after which they
+# are merged.
+TOGETHER = 3
 # Frames without enough tracks after which a motion is hidden.
 HIDDEN_AFTER = 8
 
@@ -42,11 +44,14 @@ class LivingMotion:
     unseen : int
         Frames since enough of its tracks were seen.
     apart, alike : int
-        In how many frames it was apart from all others, and for how many it has been
-        alike to a larger one.
+        In how many frames it was apart from all others, and no joint motion explained
+        it and the closest of them, and for how many it has been alike to a larger one.
     is_apart : bool
-        Whether it is now.
-    trace : Trace or None
+        Whether it is apart from all others now.
+    together : int
+        How often in succession a joint motion explained it and the closest.
+    source : int
+        Number of the motion that its tracks followed before.
     """
 
     number: int
@@ -57,7 +62,8 @@ class LivingMotion:
     apart: int = 0
     alike: int = 0
     is_apart: bool = False
-    trace: Trace | None = None
+    together: int = 0
+    source: int = UNKNOWN
 
     @property
     def is_candidate(self):
@@ -139,29 +145,45 @@ def compare(window, residuals, motions, column, rows, sizes):
 
     Returns
     -------
-    LivingMotion or None
+    alike : LivingMotion or None
         The largest one that it is alike to.
+    closest : LivingMotion or None
+        The one that explains it best of the others that are no candidates.
     """
     motion = motions[column]
     apart = apartness(window, residuals, column, rows)
     motion.is_apart = len(rows) > 0 and bool(apart.min(initial=np.inf) > APART)
-    motion.apart += motion.is_apart
+    known = [
+        k
+        for k, other in enumerate(motions)
+        if np.isfinite(apart[k]) and not other.is_candidate
+    ]
+    closest = motions[min(known, key=lambda k: apart[k])] if known else None
     larger = [
         k
         for k, other in enumerate(motions)
         if apart[k] < ALIKE and not other.is_candidate and sizes[k] > sizes[column]
     ]
     motion.alike = motion.alike + 1 if larger else 0
-    return motions[max(larger, key=lambda k: sizes[k])] if larger else None
+    alike = motions[max(larger, key=lambda k: sizes[k])] if larger else None
+    return alike, closest
 
 
-def verdict(motion, n_tracks):
+def verdict(motion, n_tracks, alike=None):
     """What becomes of a motion with so many tracks in the newest frame.
+
+    Parameters
+    ----------
+    motion : LivingMotion
+    n_tracks : int
+    alike : LivingMotion or None
+        A larger one that it is alike to.
 
     Returns
     -------
-    {"confirmed", "dropped", "hidden", "merged"} or None
-        None if it goes on as it is.
+    {"confirmed", "dropped", "hidden", "joined", "merged", "continued"} or None
+        None if it goes on as it is; "joined" if it is the same as the closest, "merged"
+        as the one that it is alike to, and "continued" if that one came later.
     """
     if motion.is_candidate:
         ripe = motion.age >= CONFIRMED_AFTER and n_tracks >= FEWEST_MEMBERS
@@ -171,5 +193,11 @@ def verdict(motion, n_tracks):
         return "dropped" if late else None
     if motion.unseen > HIDDEN_AFTER:
         return "hidden"
-    spurious = motion.alike > MERGED_AFTER and not motion.is_established
-    return "merged" if spurious and motion.number > 0 else None
+    if motion.together >= TOGETHER and motion.number > 0:
+        return "joined"
+    if alike is None or motion.alike <= MERGED_AFTER:
+        return None
+    if motion.number > 0 and not motion.is_established:
+        return "merged"
+    later = alike.number > motion.number and not alike.is_established
+    return "continued" if later else None

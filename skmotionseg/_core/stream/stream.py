@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import LEAST_NOISE
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, find_candidate, joint_motion
 from .buffer import UNKNOWN, TrackBuffer
+from .focal_length import FRAMES_PER_COMPARISON, FocalLength
 from .following import (
     are_doubtful,
     can_be_told,
@@ -20,7 +20,7 @@ from .following import (
 )
 from .history import History
 from .identities import Numbers, Trace
-from .living import LivingMotion, advance, compare, refit, verdict
+from .living import TOGETHER, LivingMotion, advance, compare, refit, verdict
 from .starting import SCALE_OF_NOISE, calibrate
 from .window import FEWEST_TRACKS, LENGTH, Window
 
@@ -73,8 +73,11 @@ class MotionStream:
     history : History or None
     camera : Camera or None
         None as long as no motion was found.
+    focal_length : FocalLength
     scale : float
         Of the residuals, in calibrated coordinates.
+    size : ndarray of shape (2,)
+        Of the picture, pixels: of what the first tracks cover.
     """
 
     def __init__(self, n_motions, rng, keep_history=True):
@@ -85,6 +88,8 @@ class MotionStream:
         self.numbers = Numbers()
         self.motions: list[LivingMotion] = []
         self.camera: Any = None
+        self.size = np.ones(2)
+        self.focal_length = FocalLength()
         self.scale = 0.0
         self.first = 0  # frame since which motions are looked for, where there are none
         self.broken = 0  # frames in which no track of before goes on
@@ -165,6 +170,7 @@ class MotionStream:
         found = calibrate(self.buffer.points, self.buffer.seen, rows, groups)
         if np.isfinite(found.nats):
             self.camera, self.scale = found.camera, found.scale
+            self.size = _covered(self.buffer.points[self.buffer.seen])
         for k, (group, fit) in enumerate(zip(groups, found.fits, strict=True)):
             if fit is not None:
                 self._begin(group, fit, static=k == 0)
@@ -175,16 +181,14 @@ class MotionStream:
     def _begin(self, group, fit, static):
         """Let a motion live that was found at a start."""
         buffer = self.buffer
-        trace = Trace.of(self.frame, buffer.points[group], buffer.seen[group])
+        trace = self._trace(group)
         living = {motion.number for motion in self.motions}
         former = 0 if static else _most(buffer.labels[group])
-        number, _ = self.numbers.of(
-            trace, self._pixel(), living, former, self.n_motions
-        )
+        number, _ = self.numbers.of(trace, self.size, living, former, self.n_motions)
         if number is not None:
             buffer.labels[group] = number
-            motion = LivingMotion(number, fit, self.frame, trace=trace)
-            self.motions.append(motion)
+            self.numbers.see(number, trace)
+            self.motions.append(LivingMotion(number, fit, self.frame))
 
     # ------------------------------------------------------------------ from then on
 
@@ -197,6 +201,7 @@ class MotionStream:
         residuals = self._assign(window, groups)
         residuals, events = self._judge(window, residuals)
         self._look(window, residuals)
+        self._calibrate()
         events += [
             Event(self.frame, "gone", f"motion {number} has not been seen for long")
             for number in self.numbers.forget(self.frame)
@@ -206,11 +211,29 @@ class MotionStream:
             events.append(Event(self.frame, "cut", "a cut: all motions have ended"))
         return events
 
+    def _calibrate(self):
+        """Change the focal length if another explains the motions better."""
+        if self.frame % FRAMES_PER_COMPARISON or not self.motions:
+            return
+        camera, fits = self.focal_length.compare(
+            self.buffer,
+            self.camera,
+            self.scale,
+            fitted_groups(self.buffer, self.motions),
+            [motion.fit for motion in self.motions],
+            self.size.max(),
+        )
+        self.scale *= self.camera.unit / camera.unit
+        self.camera = camera
+        for motion, fit in zip(self.motions, fits, strict=True):
+            motion.fit = fit
+
     def _cut(self):
         """End all motions: what comes is another film."""
         for motion in self.motions:
             self.buffer.release(motion.number)
-        self.motions, self.numbers.hidden, self.broken = [], {}, 0
+        self.motions, self.broken = [], 0
+        self.numbers.forget_all()
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
         self.first = self.frame - CUT_AFTER + 1
 
@@ -254,27 +277,48 @@ class MotionStream:
         for k in reversed(range(len(self.motions))):
             motion = self.motions[k]
             rows = np.flatnonzero(now & (self.buffer.labels == motion.number))
-            seen = self.buffer.points[rows], self.buffer.seen[rows]
-            motion.trace = Trace.of(self.frame, *seen) or motion.trace
+            if not motion.is_candidate:
+                self.numbers.see(motion.number, self._trace(rows, 1))
             rows = rows[window.freedom[rows] >= LEAST_FREEDOM]
-            other = compare(window, residuals, self.motions, k, rows, sizes)
-            decision = verdict(motion, len(rows))
+            alike, closest = compare(window, residuals, self.motions, k, rows, sizes)
+            self._establish(window, motion, closest, rows)
+            decision = verdict(motion, len(rows), alike)
             if decision == "confirmed":
                 joint = self._explained_jointly(window, motion.fit, rows)
                 decision = "dropped" if joint else self._confirm(motion, rows, events)
             if decision is not None:
+                other = closest if decision == "joined" else alike
                 self._remove(k, decision, other, events)
                 residuals, sizes = residuals.without(k), np.delete(sizes, k)
         return residuals, events
 
+    def _establish(self, window, motion, closest, rows):
+        """Note whether a motion is one of its own, and no part of the closest.
+
+        Motions of parts of one thing may explain their own tracks better than each
+        other's, where the camera is not quite calibrated.
+        """
+        if motion.is_candidate or motion.is_established or self.frame % FRAMES_PER_LOOK:
+            return
+        others = fitted_groups(self.buffer, [closest])[0] if closest else rows[:0]
+        joint = None
+        if min(len(others), len(rows)) >= FEWEST_TRACKS:
+            groups, fits = (others, rows), (closest.fit, motion.fit)
+            joint, saved = joint_motion(window, self.scale, fits, groups)
+            joint = joint if saved <= 0 else None
+        if joint is not None:
+            motion.apart, motion.together = 0, motion.together + 1
+            if motion.together == TOGETHER and motion.number > 0:
+                closest.fit = joint
+        else:
+            motion.apart += FRAMES_PER_LOOK * motion.is_apart
+            motion.together = 0
+
     def _confirm(self, motion, rows, events):
         """Give a candidate a number; "dropped" if there are as many as may be."""
-        first = Trace.first(
-            self.frame, self.buffer.points[rows], self.buffer.seen[rows]
-        )
         number, again = self.numbers.of(
-            first,
-            self._pixel(),
+            self._trace(rows, first=True),
+            self.size,
             {other.number for other in self.motions if not other.unseen},
             _most(self.buffer.before[rows]),
             self.n_motions,
@@ -288,17 +332,24 @@ class MotionStream:
         own = self.buffer.labels == motion.number
         self.buffer.labels = np.where(own, number, self.buffer.labels)
         motion.number, motion.apart = number, 0
+        motion.source = _most(self.buffer.before[rows])
         kind, words = ("again", "is seen again") if again else ("new", "is new")
         events.append(Event(self.frame, kind, f"motion {number} {words}"))
         return None
 
     def _fading(self):
-        """Traces of motions that have lost their tracks, by number."""
-        return {
-            other.number: other.trace
+        """Numbers of motions that have lost their tracks."""
+        return [
+            other.number
             for other in self.motions
-            if other.unseen and other.is_established and other.trace is not None
-        }
+            if other.unseen and other.is_established
+        ]
+
+    def _trace(self, rows, n_frames=LENGTH, first=False):
+        """Where some tracks are in the last frames."""
+        points, seen = self.buffer.points[rows], self.buffer.seen[rows]
+        start = self.frame - n_frames + 1
+        return Trace.of(start, points[:, -n_frames:], seen[:, -n_frames:], first)
 
     def _remove(self, column, decision, other, events):
         """Take a motion out of the living."""
@@ -308,15 +359,36 @@ class MotionStream:
         if motion.is_candidate:
             buffer.release(motion.number)
             return
-        if decision == "merged":
-            self.numbers.merge(motion.number, other.number)
-            buffer.labels = self.numbers.final(buffer.labels)
+        heir = other if decision == "continued" else self._heir(motion)
+        if decision in ("joined", "merged"):
+            decision = "merged"
+            self._join(motion.number, other.number)
             words = f"motion {motion.number} is the same as {other.number}"
+        elif heir is not None:
+            decision = "merged"
+            words = f"motion {heir.number} is the same as {motion.number}"
+            self._join(heir.number, motion.number)
+            heir.number, heir.apart = motion.number, motion.apart
         else:
             if motion.is_established:  # else it may not have been one
-                self.numbers.hide(motion.number, motion.trace)
+                self.numbers.hide(motion.number)
             words = f"motion {motion.number} is out of view"
         events.append(Event(self.frame, decision, words))
+
+    def _join(self, number, other):
+        """Give tracks of a motion the number of another."""
+        self.numbers.merge(number, other)
+        self.buffer.labels = self.numbers.final(self.buffer.labels)
+
+    def _heir(self, motion):
+        """What has taken the tracks of a motion, and may not be one of its own."""
+        known = [
+            other
+            for other in self.motions
+            if other.source == motion.number
+            and not (other.is_candidate or other.is_established)
+        ]
+        return known[0] if known else None
 
     def _look(self, window, residuals):
         """Look for a motion of tracks that none explains: a candidate."""
@@ -356,9 +428,9 @@ class MotionStream:
                     return True
         return False
 
-    def _pixel(self):
-        """Pixels per pixel of a picture 640 pixels wide."""
-        return self.camera.unit * self.camera.noise / LEAST_NOISE
+
+def _covered(points):
+    return np.maximum(np.ptp(points, axis=0), 1)
 
 
 def _most(labels):
