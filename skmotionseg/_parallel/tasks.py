@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import time
 from contextlib import contextmanager
+from functools import cache
+from threading import Thread
 
 from .threads import single_threaded
+
+# Seconds between two looks of a worker at whether its parent is still there.
+LOOKS = 1.0
 
 
 class Task:
@@ -26,11 +33,29 @@ class Task:
         self.words = words
         self.function = function
         self.arguments = arguments
+        self.caller = os.getpid()
 
     @single_threaded
     def __call__(self):
+        if os.getppid() == self.caller:
+            _end_with(self.caller)
         with noting(self.words):
             return self.function(*self.arguments)
+
+
+@cache
+def _end_with(parent):
+    """End this process once its parent is gone, which alone waits for its results.
+
+    A worker would otherwise notice after its task, which may take minutes.
+    """
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(LOOKS)
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 @contextmanager

@@ -24,6 +24,14 @@ def set_pool_sizes(size):
     thread.join()
 
 
+def says_its_process(folder, name):
+    """Write the number of this process to a file, and take long."""
+    unfinished = Path(folder, f"{name}.part")
+    unfinished.write_text(str(os.getpid()))
+    unfinished.rename(Path(folder, f"{name}.pid"))
+    time.sleep(600)
+
+
 class Dies(ClusterMixin, BaseEstimator):
     """Segments, but kills its process when it gets so many tracks.
 
