@@ -4,10 +4,9 @@ Over-segmentations of scenes are merged down to one group, and the two groups th
 least apart in each step, which decide on the number of motions, are a sample: apart if
 they are (mostly) of different motions; one if they are of the same motion, or one of
 them is of outliers. A logistic regression on how much worse one rigid motion explains
-both than two do, on the log of the links between them over those that chance would
-give, and on that of the tracks of the smaller one, gives the constants of
-``skmotionseg._core.partition.rigid_search``. With ``--data DIR``, another regression
-on pairs of real sequences, for comparison::
+both than two do, and on the log of the links between them over those that chance would
+give, gives the constants of ``skmotionseg._core.partition.rigid_search``. With
+``--data DIR``, another regression on pairs of real sequences, for comparison::
 
     python -m benchmarks.apartness --scenes 4 --data DIR
 """
@@ -42,8 +41,8 @@ def pairs_of(X, target):
 
     Returns
     -------
-    list of (float, float, float, int)
-        What the log odds are linear in, and 1 if the two are apart.
+    list of (float, float, int)
+        Gain, log of links over chance, and 1 if the two are apart.
     """
     kept: list[tuple[rigid_search.RigidSearch, list]] = []
 
@@ -73,8 +72,9 @@ def pairs_of(X, target):
             found = one.apart[second.tobytes(), first.tobytes()]
             truth = _truth(mine[first], mine[second])
             if truth is not None:
-                seen = rigid_search.features(found.gain, found.links, found.size)
-                rows.append((*seen, truth))
+                gain = min(found.gain, rigid_search.MOST_GAIN)
+                links = np.log(found.links + rigid_search.FEWEST_LINKS)
+                rows.append((gain, links, truth))
     return rows
 
 
@@ -112,9 +112,9 @@ def regress(name, rows):
     odds = model.decision_function(X)
     missed, false = np.mean(odds[truth == 1] < 0), np.mean(odds[truth == 0] > 0)
     print(
-        f"{name}: {len(X)} pairs, {truth.mean():.0%} apart; weights of gain, links and "
-        f"size {np.round(model.coef_[0], 2)}, prior {model.intercept_[0]:.2f}; area "
-        f"under the curve "
+        f"{name}: {len(X)} pairs, {truth.mean():.0%} apart; gain "
+        f"{model.coef_[0, 0]:.2f}, links {model.coef_[0, 1]:.1f}, prior "
+        f"{model.intercept_[0]:.2f}; area under the curve "
         f"{roc_auc_score(truth, odds):.3f}; missed {missed:.1%}, false {false:.1%}",
         flush=True,
     )

@@ -81,39 +81,6 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     assert whole.log_odds > 2
 
 
-def apartness_of(points, visibility, affinity, y):
-    search = RigidSearch(Windows(points, visibility), affinity)
-    search.calibrate(y)
-    return done(search, search.least_apart(y, done(search, search.motions(y))))[1]
-
-
-def test_tracks_that_no_window_judges_are_no_evidence(scene):
-    points, visibility, affinity, y = scene
-    two = y < 2
-    points, visibility, y = points[two], visibility[two], y[two]
-    affinity = affinity[np.ix_(two, two)]
-    apart = apartness_of(points, visibility, affinity, y)
-    # The smaller motion again, each track seen once.
-    again = np.flatnonzero(y == 1)
-    more = np.concatenate([np.arange(len(y)), again])
-    once = visibility[more]
-    once[len(y) :, 1:] = False
-    both = apartness_of(
-        np.where(once[..., None], points[more], np.nan),
-        once,
-        affinity[np.ix_(more, more)],
-        y[more],
-    )
-    assert both.size == apart.size
-    assert both.gain == pytest.approx(apart.gain, rel=0.1)
-
-
-def test_a_longer_look_is_more_evidence(scene):
-    points, visibility, affinity, y = scene
-    short = apartness_of(points[:, :6], visibility[:, :6], affinity, y)
-    assert apartness_of(points, visibility, affinity, y).gain > short.gain > 0
-
-
 def found_in(scene, counts):
     """Partitions by rigid motion, from pieces of the true motions."""
     points, y = scene[0], scene[-1]
