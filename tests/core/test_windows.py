@@ -10,7 +10,7 @@ from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import (
     FEWEST_TRACKS,
     WINDOW_FRAMES,
-    Fit,
+    FitRequest,
     Windows,
     window_frames,
 )
@@ -88,9 +88,9 @@ def test_batches_of_any_size_give_the_same_motions(clip, monkeypatch):
     windows, y = clip
     groups = [np.flatnonzero(y == m) for m in range(y.max() + 1)]
     groups += [group[:12] for group in groups]
-    fits = [Fit(group) for group in groups]
+    fits = [FitRequest(group) for group in groups]
     motions = windows.found(fits)
-    fits += [Fit(group, (motions[0],), 20) for group in groups]
+    fits += [FitRequest(group, (motions[0],), 20) for group in groups]
     together = windows.found(fits)
     monkeypatch.setattr("skmotionseg._core.geometry.windows.BATCH", 3)
     for one, other in zip(together, windows.found(fits), strict=True):

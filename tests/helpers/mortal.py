@@ -27,7 +27,7 @@ def set_pool_sizes(size):
 def says_its_process(folder, name):
     """Write the number of this process to a file, and take long."""
     unfinished = Path(folder, f"{name}.part")
-    unfinished.write_text(str(os.getpid()))
+    unfinished.write_text(f"{os.getpid()}\n")
     unfinished.rename(Path(folder, f"{name}.pid"))
     time.sleep(600)
 

@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import pickle
-import shutil
-import subprocess
-import sys
-import time
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -179,51 +173,3 @@ def test_a_pickle_brings_models_along(scene, tmp_path):
     restored = pickle.loads(pickle.dumps(segmenter))
     assert restored.models[0] == SHIFT
     assert_array_equal(restored.predict(X[1::2]), segmenter.predict(X[1::2]))
-
-
-LEAVES_WORKERS = """
-import sys, time
-from helpers.mortal import says_its_process
-from skmotionseg._parallel.engine import run_tasks
-from skmotionseg._parallel.tasks import Task
-tasks = [Task("waiting", says_its_process, sys.argv[1], k) for k in range(2)]
-run_tasks(tasks, n_jobs=2, prefer="processes")
-"""
-
-
-@pytest.mark.skipif(
-    os.name != "posix" or shutil.which("ps") is None, reason="needs signals and ps"
-)
-def test_workers_end_with_their_parent(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-c", LEAVES_WORKERS, str(tmp_path)],
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
-    )
-    assert eventually(lambda: len(list(tmp_path.glob("*.pid"))) == 2)
-    workers = [int(path.read_text()) for path in tmp_path.glob("*.pid")]
-    assert process.pid not in workers
-    assert all(is_running(worker) for worker in workers)
-    process.kill()
-    process.wait()
-    assert eventually(lambda: not any(is_running(worker) for worker in workers))
-
-
-def is_running(process_id):
-    try:
-        os.kill(process_id, 0)
-    except ProcessLookupError:
-        return False
-    # What nobody waits for stays as a zombie where no init process reaps it.
-    state = subprocess.run(
-        ["ps", "-o", "stat=", "-p", str(process_id)], capture_output=True, text=True
-    )
-    return not state.stdout.strip().startswith("Z")
-
-
-def eventually(condition, seconds=60):
-    """Whether a condition holds in the end; sooner, if it soon does."""
-    for _ in range(20 * seconds):
-        if condition():
-            return True
-        time.sleep(0.05)
-    return False

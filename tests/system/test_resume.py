@@ -33,6 +33,14 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 from skmotionseg.cli import main
 sys.exit(main())
 """
+LEAVES_WORKERS = """
+import sys
+from helpers.mortal import says_its_process
+from skmotionseg._parallel.engine import run_tasks
+from skmotionseg._parallel.tasks import Task
+tasks = [Task("waiting", says_its_process, sys.argv[1], k) for k in range(2)]
+run_tasks(tasks, n_jobs=2, prefer="processes")
+"""
 RUN = {"sequence": "one", "seed": 0}
 
 kills = pytest.mark.skipif(
@@ -107,10 +115,10 @@ def bench_options(data, journal, *options, jobs=1):
     return [str(o) for o in ("bench", "--data", data, "--resume", journal, *options)]
 
 
-def start(options, **environment):
-    """The command in a process group of its own."""
+def start(options, code=COMMAND, **environment):
+    """The command, or other code, in a process group of its own."""
     return subprocess.Popen(
-        [sys.executable, "-c", COMMAND, *options],
+        [sys.executable, "-c", code, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -237,6 +245,20 @@ def test_an_interrupted_bench_leaves_no_process_and_no_folder(data, tmp_path):
     assert errors.splitlines()[-1] == "skmotionseg: interrupted"
     assert list(scratch.iterdir()) == []
     assert all(json.loads(line) for line in journal.read_bytes().splitlines())
+
+
+@kills
+def test_workers_end_with_their_parent(tmp_path):
+    tests = str(Path(__file__).parents[1])
+    process = start([str(tmp_path)], LEAVES_WORKERS, PYTHONPATH=tests)
+    for k in range(2):
+        wait_for_lines(tmp_path / f"{k}.pid", 1, process)
+    workers = {int(path.read_text()) for path in tmp_path.glob("*.pid")}
+    assert len(workers) == 2 and process.pid not in workers
+    assert workers <= {int(row[1]) for row in living(process.pid)}
+    process.kill()
+    process.communicate(timeout=60)
+    wait_until_gone(process.pid)
 
 
 def wait_until_gone(group):

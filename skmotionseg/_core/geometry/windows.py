@@ -36,7 +36,7 @@ REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
 
 
-class Fit(NamedTuple):
+class FitRequest(NamedTuple):
     """A motion of a group that is asked for.
 
     Attributes
@@ -215,11 +215,11 @@ class Windows:
         return self._motions(groups, poses)
 
     def found(self, fits):
-        """The motions of several :class:`Fit`, found in common batches.
+        """The motions of several :class:`FitRequest`, found in common batches.
 
         Parameters
         ----------
-        fits : list of Fit
+        fits : list of FitRequest
 
         Returns
         -------

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.rigid_motion import FREEDOM
-from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, Fit, RigidMotion
+from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, FitRequest, RigidMotion
 from ..labels import groups_of, indicator
 from .local_search import split
 from .side_by_side import run, side_by_side
@@ -185,7 +185,7 @@ class RigidSearch:
         ]
         noise = float(np.median(np.concatenate(own)))
         self.scale = max(self.windows.least_noise, SCALE_OF_NOISE * noise)
-        fits = [Fit(group) for group in groups]
+        fits = [FitRequest(group) for group in groups]
         self._fitted = {
             fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
         }
@@ -215,7 +215,7 @@ class RigidSearch:
 
     def motions(self, labels):
         """Search for rigid motions of the groups of a partition."""
-        return (yield [Fit(group) for group in groups_of(labels)])
+        return (yield [FitRequest(group) for group in groups_of(labels)])
 
     def energy(self, labels, motions):
         """Nats of a partition: of its tracks, and of links to other motions."""
@@ -374,7 +374,7 @@ class RigidSearch:
             if not np.array_equal(group, motion.tracks)
         ]
         motions = [*motions]
-        refined = yield [Fit(groups[k], (motions[k],)) for k in new]
+        refined = yield [FitRequest(groups[k], (motions[k],)) for k in new]
         for k, motion in zip(new, refined, strict=True):
             motions[k] = motion
         return motions
@@ -407,15 +407,15 @@ class RigidSearch:
         if best.log_odds <= SURELY_ONE:
             return best
         own = yield [
-            Fit(group, (motion,), MOST_COMPARED)
+            FitRequest(group, (motion,), MOST_COMPARED)
             for group, motion in zip(pair.groups, pair.motions, strict=True)
         ]
         pair = pair._replace(motions=tuple(own))
         both = np.union1d(*pair.groups)
-        joint = yield [Fit(both, pair.motions, MOST_COMPARED)]
+        joint = yield [FitRequest(both, pair.motions, MOST_COMPARED)]
         best = self._apartness_by(pair, [*own, *joint])
         if best.log_odds > 0:
-            anew = yield [Fit(both, most_tracks=MOST_COMPARED)]
+            anew = yield [FitRequest(both, most_tracks=MOST_COMPARED)]
             best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
 
@@ -625,9 +625,8 @@ def _merged(search, labels, best):
 
 def _split_best(search, step, bisect):
     """The best partition with one group more; None if none can be parted."""
-    more = step.n_motions.__lt__
     return _best(
-        _step_of(search, search.settled(some), more)
+        _step_of(search, search.settled(some), lambda n: n > step.n_motions)
         for some in _splits(search, step, bisect)
     )
 
