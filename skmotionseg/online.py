@@ -35,8 +35,8 @@ class OnlineMotionSegmenter(BaseEstimator):
     explains make a new one, if it explains several of them much better than a motion
     that is there could, and still does so five frames later. What a joint motion
     explains again and again, until it has been a motion of its own for long enough, is
-    joined. Every tenth frame, the focal length is compared with a longer and a shorter
-    one.
+    joined. Every sixth frame, the focal length is compared with a shorter and a longer
+    one in turn.
 
     Labels are identities that last. A motion keeps its number as long as it lives, and
     a number is given once. 0 is the static scene. What stops keeps its number, and what

@@ -7,7 +7,7 @@ import pytest
 from helpers.windows import two_windows
 
 from skmotionseg._core.stream.assignment import measure
-from skmotionseg._core.stream.births import apartness, find_candidate, joint_motion
+from skmotionseg._core.stream.births import apartness, find_candidate, joint_motions
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +29,30 @@ def test_tracks_that_nothing_explains_make_a_motion(windows):
     assert len(members) > 0.8 * now[groups[1]].sum()
     both = measure(first, [static, moving], scale)
     assert apartness(first, both, 1, groups[1])[0] > 3
-    assert joint_motion(first, scale, (static, moving), groups)[1] > 1000
+    ((_, saved),) = joint_motions(first, scale, [((static, moving), groups)])
+    assert saved > 1000
 
 
 def test_halves_of_a_motion_are_explained_jointly(windows):
     (first, _), groups = windows
     halves = groups[0][::2], groups[0][1::2]
     fits = first.fit(halves)
-    _, saved = joint_motion(first, first.camera.noise, fits, halves)
+    ((_, saved),) = joint_motions(first, first.camera.noise, [(fits, halves)])
     assert saved < 0
+
+
+def test_pairs_of_motions_are_each_as_alone(windows):
+    (first, _), groups = windows
+    scale, halves = first.camera.noise, (groups[0][::2], groups[0][1::2])
+    pairs = [(first.fit(each), each) for each in (groups, halves)]
+    together = joint_motions(first, scale, pairs)
+    for pair, (fit, saved) in zip(pairs, together, strict=True):
+        ((alone, saved_alone),) = joint_motions(first, scale, [pair])
+        assert saved == pytest.approx(saved_alone, rel=1e-6)
+        np.testing.assert_allclose(
+            fit.poses.translations, alone.poses.translations, atol=1e-6
+        )
+    assert joint_motions(first, scale, []) == []
 
 
 def test_a_motion_is_apart_from_others_and_not_from_itself(windows):

@@ -61,27 +61,44 @@ def find_candidate(window, residuals, chosen, points, seen_now, rng):
     return (fit, members) if saved >= LEAST_SAVED else nothing
 
 
-def joint_motion(window, scale, fits, groups):
-    """One motion for the tracks of two, and what two motions save.
+def joint_motions(window, scale, pairs):
+    """One motion for the tracks of two, and what two motions save, for some pairs.
 
     Parameters
     ----------
     window : Window
     scale : float
-    fits : tuple of (Fit, Fit)
-    groups : tuple of (ndarray of int, ndarray of int)
+    pairs : list of ((Fit, Fit), (ndarray of int, ndarray of int))
+        Motions and their tracks.
 
     Returns
     -------
-    fit : Fit or None
-        The best of what can be refined from either, and fitted from the start, to some
-        tracks of both.
-    saved : float
-        Nats by which two motions describe the tracks of both groups in fewer words, the
-        numbers of the second motion included; infinite if there is no fit.
+    list of (Fit or None, float)
+        What can be refined from either to some tracks of both; if two motions are
+        better, also what is fitted from the start. And nats by which two motions
+        describe the tracks of both groups in fewer words, the numbers of the second
+        motion included; infinite if there is no fit.
     """
-    some = np.sort(np.concatenate([_spread(rows) for rows in groups]))
-    found = [*window.fit([some, some], list(fits)), *window.fit([some])]
+    some = [
+        np.sort(np.concatenate([_spread(rows) for rows in groups]))
+        for _, groups in pairs
+    ]
+    twice = [rows for rows in some for _ in range(2)]
+    refined = window.fit(twice, [fit for fits, _ in pairs for fit in fits])
+    fitted = list(zip(refined[::2], refined[1::2], strict=True))
+    found = [
+        _of_both(window, scale, *pair, rows, fits)
+        for pair, rows, fits in zip(pairs, some, fitted, strict=True)
+    ]
+    apart = [k for k, (_, saved) in enumerate(found) if saved > 0]
+    for k, fit in zip(apart, window.fit([some[k] for k in apart]), strict=True):
+        fits = *fitted[k], fit
+        found[k] = _of_both(window, scale, *pairs[k], some[k], fits)
+    return found
+
+
+def _of_both(window, scale, fits, groups, some, found):
+    """The best of the motions found for two groups, and what two motions save."""
     found = [fit for fit in found if fit]
     if not found:
         return None, np.inf

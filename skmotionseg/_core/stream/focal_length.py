@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from .assignment import measure
-from .window import Window
+from .window import fit_motions
 
-# Frames from one comparison to the next, and the factor between focal lengths.
-FRAMES_PER_COMPARISON, STEP = 10, 1.25
+# Frames from one comparison to the next, with a shorter and a longer one in turn, and
+# the factor between focal lengths.
+FRAMES_PER_COMPARISON, STEP = 6, 1.25
 # Tracks of a motion that has a say.
 FEWEST_TELLING = 10
 # Times that poses are refined for another focal length.
@@ -28,15 +29,14 @@ class FocalLength:
     """
 
     def __init__(self):
-        self._gains = {}
+        self._gains = {1 / STEP: [], STEP: []}
 
-    def compare(self, buffer, camera, scale, groups, fits, width):
+    def compare(self, window, scale, groups, fits, width):
         """The camera that explains motions best, and the motions it makes of them.
 
         Parameters
         ----------
-        buffer : TrackBuffer
-        camera : Camera
+        window : Window
         scale : float
             Of the residuals, in calibrated coordinates.
         groups : list of ndarray of int
@@ -52,24 +52,19 @@ class FocalLength:
         fits : list of Fit
         """
         telling = [k for k, rows in enumerate(groups) if len(rows) >= FEWEST_TELLING]
-        if not telling:
-            return camera, fits
+        # In turn, so that no frame takes the time of both.
+        factor, self._gains = _first_last(self._gains)
+        other = _changed(window.camera, factor)
+        if not telling or not SHORTEST <= other.unit / width <= LONGEST:
+            return window.camera, fits
+        gains = self._gains[factor]
         some = [groups[k] for k in telling], [fits[k] for k in telling]
-        nats = _nats(buffer, camera, scale, *some)
-        for factor in (1 / STEP, STEP):
-            other = _changed(camera, factor)
-            if not SHORTEST <= other.unit / width <= LONGEST:
-                continue
-            gain = nats - _nats(buffer, other, scale / factor, *some)
-            self._gains.setdefault(factor, []).append(gain)
-            del self._gains[factor][:-REMEMBERED]
-        better = [f for f, gains in self._gains.items() if _is_better(gains)]
-        if not better:
-            return camera, fits
-        best = max(better, key=lambda factor: np.mean(self._gains[factor]))
-        self._gains = {}
-        other = _changed(camera, best)
-        return other, _refined(Window(buffer.points, buffer.seen, other), groups, fits)
+        gains.append(_gain((window, window.seen_by(other)), scale, *some))
+        del gains[:-REMEMBERED]
+        if not _is_better(gains):
+            return window.camera, fits
+        self._gains = {each: [] for each in self._gains}
+        return other, _refined([window.seen_by(other)], groups, fits)[0]
 
 
 def _changed(camera, factor):
@@ -77,19 +72,31 @@ def _changed(camera, factor):
     return camera._replace(unit=camera.unit * factor, noise=camera.noise / factor)
 
 
-def _nats(buffer, camera, scale, groups, fits):
-    """What the tracks of motions cost, as a camera sees them."""
-    window = Window(buffer.points, buffer.seen, camera)
-    fits = _refined(window, groups, fits)
+def _first_last(values):
+    """The first key of a dict, and the dict with it behind the others."""
+    first, *others = values
+    return first, {key: values[key] for key in (*others, first)}
+
+
+def _gain(windows, scale, groups, fits):
+    """Nats that tracks of motions cost less as the second of two cameras sees them."""
     rows = np.sort(np.concatenate(groups))
-    return float(measure(window, fits, scale, rows).nats.min(axis=1).sum())
+    pixels = scale * windows[0].camera.unit
+    nats = []
+    for window, found in zip(windows, _refined(windows, groups, fits), strict=True):
+        measured = measure(window, found, pixels / window.camera.unit, rows)
+        nats.append(measured.nats.min(axis=1).sum())
+    return float(nats[0] - nats[1])
 
 
-def _refined(window, groups, fits):
+def _refined(windows, groups, fits):
+    """Motions of groups in each of some windows, refined from the same ones."""
+    jobs = [(window, rows) for window in windows for rows in groups]
+    every = list(fits) * len(windows)
     for _ in range(ROUNDS):
-        found = window.fit(groups, fits)
-        fits = [new or old for new, old in zip(found, fits, strict=True)]
-    return fits
+        found = fit_motions(jobs, every)
+        every = [new or old for new, old in zip(found, every, strict=True)]
+    return [every[k : k + len(fits)] for k in range(0, len(every), len(fits))]
 
 
 def _is_better(gains):

@@ -16,8 +16,9 @@ from .window import FEWEST_TRACKS, Fit
 BADLY, MOST_REFITTED = 1.0, 2
 # Frames until a motion is fitted so again, if it fits badly, and in any case.
 REFITTED_AFTER, REFITTED_ANYWAY = 3, 8
-# Frames after which a candidate is a motion, or is none, and by how much it is apart.
-CONFIRMED_AFTER, DROPPED_AFTER, APART = 5, 10, 2.0
+# Frames in which a candidate is new, and after which it is a motion, or is none, and by
+# how much it is apart.
+YOUNG, CONFIRMED_AFTER, DROPPED_AFTER, APART = 3, 5, 10, 2.0
 # Apartness below which two motions are alike, and frames of it after which one that
 # was apart for less than so many frames, judged one in three, is merged with the other.
 ALIKE, MERGED_AFTER, ESTABLISHED = 0.7, 10, 10
@@ -28,7 +29,7 @@ TOGETHER = 3
 HIDDEN_AFTER = 8
 
 
-@dataclass
+@dataclass(eq=False)
 class LivingMotion:
     """A motion that tracks in view follow.
 
@@ -78,6 +79,18 @@ class LivingMotion:
     def is_established(self):
         return self.apart >= ESTABLISHED
 
+    @property
+    def is_in_question(self):
+        """Whether a joint motion may explain it and another: a candidate is new."""
+        return self.age < YOUNG if self.is_candidate else not self.is_established
+
+    @property
+    def is_part(self):
+        """Whether joint motions have explained it and another often enough."""
+        if self.is_candidate:
+            return self.together > 0
+        return self.together >= TOGETHER and self.number > 0
+
 
 def advance(window, motions, groups):
     """Fit living motions to the newest frame.
@@ -99,22 +112,25 @@ def advance(window, motions, groups):
         motion.unseen = 0 if enough else motion.unseen + 1
 
 
-def refit(window, motions, groups, scale, frame):
+def refit(window, motions, groups, scale, frame, anyway=True):
     """Fit from several starts what fits badly, or what was not for longest.
 
     Depths and poses that were carried on for long may drift, and a sudden movement may
-    lead them astray. What fits worse than before is not taken.
+    lead them astray. What fits worse than before is not taken. ``anyway``, also what
+    fits well is fitted again after some frames.
     """
     if not motions:
         return
-    deviations = [
-        _deviation(window, motion.fit, rows, scale)
-        for motion, rows in zip(motions, groups, strict=True)
-    ]
     order = sorted(range(len(motions)), key=lambda k: motions[k].refitted)
     ages = [frame - motion.refitted for motion in motions]
-    bad = [k for k in order if deviations[k] > BADLY and ages[k] >= REFITTED_AFTER]
-    due = bad[:MOST_REFITTED] or [k for k in order if ages[k] >= REFITTED_ANYWAY][:1]
+    deviations = {
+        k: _deviation(window, motions[k].fit, groups[k], scale)
+        for k in order
+        if ages[k] >= REFITTED_AFTER
+    }
+    bad = [k for k, deviation in deviations.items() if deviation > BADLY]
+    late = [k for k in order if anyway and ages[k] >= REFITTED_ANYWAY]
+    due = bad[:MOST_REFITTED] or late[:1]
     for k, fit in zip(due, window.fit([groups[k] for k in due]), strict=True):
         motions[k].refitted = frame
         if fit and _deviation(window, fit, groups[k], scale) <= deviations[k]:
@@ -186,6 +202,8 @@ def verdict(motion, n_tracks, alike=None):
         as the one that it is alike to, and "continued" if that one came later.
     """
     if motion.is_candidate:
+        if motion.is_part:
+            return "dropped"
         ripe = motion.age >= CONFIRMED_AFTER and n_tracks >= FEWEST_MEMBERS
         if ripe and motion.is_apart:
             return "confirmed"
@@ -193,7 +211,7 @@ def verdict(motion, n_tracks, alike=None):
         return "dropped" if late else None
     if motion.unseen > HIDDEN_AFTER:
         return "hidden"
-    if motion.together >= TOGETHER and motion.number > 0:
+    if motion.is_part:
         return "joined"
     if alike is None or motion.alike <= MERGED_AFTER:
         return None

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
-from .births import LEAST_FREEDOM, find_candidate, joint_motion
+from .births import LEAST_FREEDOM, find_candidate, joint_motions
 from .buffer import UNKNOWN, TrackBuffer
 from .focal_length import FRAMES_PER_COMPARISON, FocalLength
 from .following import (
@@ -15,12 +15,11 @@ from .following import (
     can_be_told,
     columns_of,
     fitted_groups,
-    groups_of,
     may_join,
 )
 from .history import History
 from .identities import Numbers, Trace
-from .living import TOGETHER, LivingMotion, advance, compare, refit, verdict
+from .living import LivingMotion, advance, compare, refit, verdict
 from .starting import SCALE_OF_NOISE, calibrate
 from .window import FEWEST_TRACKS, LENGTH, Window
 
@@ -28,8 +27,9 @@ from .window import FEWEST_TRACKS, LENGTH, Window
 FIRST_FRAMES, FIRST_TRACKS, FIRST_SEEN = 10, 16, 4
 # Share of the scale of residuals that follows what they are now.
 FOLLOWING = 0.05
-# Frames from one look for new motions to the next.
-FRAMES_PER_LOOK = 3
+# Frames from one look for new motions to the next. What else takes long is done in the
+# frames between: whether motions are of their own is asked in the first of them.
+FRAMES_PER_LOOK, ASKED_AT, COMPARED_AT = 3, 1, 2
 # Frames in which nothing goes on after which the film was cut: a stray one is none.
 CUT_AFTER = 3
 
@@ -197,11 +197,12 @@ class MotionStream:
         window = Window(self.buffer.points, self.buffer.seen, self.camera)
         groups = fitted_groups(self.buffer, self.motions)
         advance(window, self.motions, groups)
-        refit(window, self.motions, groups, self.scale, self.frame)
+        between = self.frame % FRAMES_PER_LOOK > 0
+        refit(window, self.motions, groups, self.scale, self.frame, anyway=between)
         residuals = self._assign(window, groups)
         residuals, events = self._judge(window, residuals)
         self._look(window, residuals)
-        self._calibrate()
+        self._calibrate(window)
         events += [
             Event(self.frame, "gone", f"motion {number} has not been seen for long")
             for number in self.numbers.forget(self.frame)
@@ -211,13 +212,12 @@ class MotionStream:
             events.append(Event(self.frame, "cut", "a cut: all motions have ended"))
         return events
 
-    def _calibrate(self):
+    def _calibrate(self, window):
         """Change the focal length if another explains the motions better."""
-        if self.frame % FRAMES_PER_COMPARISON or not self.motions:
+        if self.frame % FRAMES_PER_COMPARISON != COMPARED_AT or not self.motions:
             return
         camera, fits = self.focal_length.compare(
-            self.buffer,
-            self.camera,
+            window,
             self.scale,
             fitted_groups(self.buffer, self.motions),
             [motion.fit for motion in self.motions],
@@ -272,50 +272,96 @@ class MotionStream:
     def _judge(self, window, residuals):
         """Confirm, drop, merge and hide motions."""
         events: list[Event] = []
-        labels, now = self.buffer.labels, self.buffer.seen[:, -1]
-        sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
-        for k in reversed(range(len(self.motions))):
-            motion = self.motions[k]
-            rows = np.flatnonzero(now & (self.buffer.labels == motion.number))
-            if not motion.is_candidate:
-                self.numbers.see(motion.number, self._trace(rows, 1))
-            rows = rows[window.freedom[rows] >= LEAST_FREEDOM]
-            alike, closest = compare(window, residuals, self.motions, k, rows, sizes)
-            self._establish(window, motion, closest, rows)
-            decision = verdict(motion, len(rows), alike)
+        motions = list(self.motions)
+        alike, closest = self._compare(window, residuals)
+        self._establish(window, closest)
+        for k in reversed(range(len(motions))):
+            motion, rows = motions[k], self._telling(window, motions[k])
+            known = alike[k] if alike[k] in self.motions else None
+            decision = verdict(motion, len(rows), known)
+            if decision == "joined" and closest[k] not in self.motions:
+                decision = None
             if decision == "confirmed":
-                joint = self._explained_jointly(window, motion.fit, rows)
-                decision = "dropped" if joint else self._confirm(motion, rows, events)
+                decision = self._confirm(motion, window, events)
             if decision is not None:
-                other = closest if decision == "joined" else alike
+                other = closest[k] if decision == "joined" else known
                 self._remove(k, decision, other, events)
-                residuals, sizes = residuals.without(k), np.delete(sizes, k)
+                residuals = residuals.without(k)
         return residuals, events
 
-    def _establish(self, window, motion, closest, rows):
-        """Note whether a motion is one of its own, and no part of the closest.
+    def _telling(self, window, motion):
+        """Tracks of a motion in the newest frame that can be judged."""
+        own = self.buffer.seen[:, -1] & (self.buffer.labels == motion.number)
+        return np.flatnonzero(own & (window.freedom >= LEAST_FREEDOM))
+
+    def _compare(self, window, residuals):
+        """The larger motion that each is alike to, and the closest to each; or None."""
+        labels, now = self.buffer.labels, self.buffer.seen[:, -1]
+        sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
+        found = []
+        for k, motion in enumerate(self.motions):
+            if not motion.is_candidate:
+                rows = np.flatnonzero(now & (labels == motion.number))
+                self.numbers.see(motion.number, self._trace(rows, 1))
+            rows = self._telling(window, motion)
+            found.append(compare(window, residuals, self.motions, k, rows, sizes))
+        return zip(*found, strict=True)
+
+    def _establish(self, window, closest):
+        """Note which motions are of their own, and no parts of the closest.
 
         Motions of parts of one thing may explain their own tracks better than each
         other's, where the camera is not quite calibrated.
         """
-        if motion.is_candidate or motion.is_established or self.frame % FRAMES_PER_LOOK:
+        if self.frame % FRAMES_PER_LOOK != ASKED_AT:
             return
-        others = fitted_groups(self.buffer, [closest])[0] if closest else rows[:0]
-        joint = None
-        if min(len(others), len(rows)) >= FEWEST_TRACKS:
-            groups, fits = (others, rows), (closest.fit, motion.fit)
-            joint, saved = joint_motion(window, self.scale, fits, groups)
-            joint = joint if saved <= 0 else None
-        if joint is not None:
+        asked = {
+            motion: self._source(motion) if motion.is_candidate else other
+            for motion, other in zip(self.motions, closest, strict=True)
+            if motion.is_in_question
+        }
+        joint = self._joint(window, asked)
+        for motion, other in asked.items():
+            if motion not in joint:
+                motion.apart += FRAMES_PER_LOOK * motion.is_apart
+                motion.together = 0
+                continue
             motion.apart, motion.together = 0, motion.together + 1
-            if motion.together == TOGETHER and motion.number > 0:
-                closest.fit = joint
-        else:
-            motion.apart += FRAMES_PER_LOOK * motion.is_apart
-            motion.together = 0
+            if motion.is_part:
+                other.fit = joint[motion]
 
-    def _confirm(self, motion, rows, events):
-        """Give a candidate a number; "dropped" if there are as many as may be."""
+    def _source(self, candidate):
+        """The living motion that most tracks of a candidate followed; or None."""
+        former = _most(self.buffer.before[self.buffer.labels == candidate.number])
+        known = [motion for motion in self.motions if motion.number == former]
+        return known[0] if known else None
+
+    def _joint(self, window, asked):
+        """Joint motions of pairs of motions, by the first, where they explain both."""
+        pairs = {}
+        for motion, other in asked.items():
+            rows = self._telling(window, motion)
+            others = fitted_groups(self.buffer, [other])[0] if other else rows[:0]
+            if min(len(others), len(rows)) >= FEWEST_TRACKS:
+                pairs[motion] = (other.fit, motion.fit), (others, rows)
+        found = joint_motions(window, self.scale, list(pairs.values()))
+        return {
+            motion: fit
+            for motion, (fit, saved) in zip(pairs, found, strict=True)
+            if saved <= 0
+        }
+
+    def _confirm(self, motion, window, events):
+        """Give a candidate a number; "dropped" if there are as many as may be.
+
+        Or if the motion that its tracks followed before explains them, fitted better.
+        """
+        source = self._source(motion)
+        joint = self._joint(window, {motion: source})
+        if joint:
+            source.fit = joint[motion]
+            return "dropped"
+        rows = self._telling(window, motion)
         number, again = self.numbers.of(
             self._trace(rows, first=True),
             self.size,
@@ -400,7 +446,7 @@ class MotionStream:
         fit, members = find_candidate(
             window, residuals, chosen, buffer.points[:, -1], now, self.rng
         )
-        if fit is None or self._explained_jointly(window, fit, members):
+        if fit is None:
             return
         least = buffer.memory[members].min(axis=1, initial=0)
         memory = np.zeros((len(buffer.ids), 1))
@@ -412,21 +458,6 @@ class MotionStream:
         labels[members] = number
         buffer.follow(labels)
         buffer.outlying[members] = False
-
-    def _explained_jointly(self, window, fit, members):
-        """Whether the motion that most tracks followed explains them, fitted better."""
-        former = _most(self.buffer.shown()[members])
-        for motion, rows in zip(
-            self.motions, groups_of(self.buffer, self.motions), strict=True
-        ):
-            rows = np.setdiff1d(rows, members)
-            if motion.number == former and len(rows) >= FEWEST_TRACKS:
-                fits = motion.fit, fit
-                joint, saved = joint_motion(window, self.scale, fits, (rows, members))
-                if saved <= 0:
-                    motion.fit = joint
-                    return True
-        return False
 
 
 def _covered(points):

@@ -95,6 +95,11 @@ class Window:
         times = seen.sum(axis=1)
         self.freedom = np.where(times >= FEWEST_SEEN, 2 * times - 3, 0)
 
+    def seen_by(self, camera):
+        """The same tracks, as a camera with the same middle sees them."""
+        points = self.x * self.camera.unit + self.camera.middle
+        return Window(points, self.seen, camera)
+
     def fit(self, groups, starts=None):
         """Motions of groups of tracks, from several starts or from given poses.
 
@@ -108,25 +113,7 @@ class Window:
         list of Fit or None
             None where too few tracks are seen.
         """
-        found: list = [None] * len(groups)
-        jobs: dict[int, list] = {}
-        for k, rows in enumerate(groups):
-            reference, rows = self._some(rows)
-            if len(rows) >= FEWEST_TRACKS:
-                jobs.setdefault(reference, []).append((k, rows))
-        for reference, some in sorted(jobs.items()):
-            x, seen, weights, floor = self._stacked([rows for _, rows in some])
-            if starts is None:
-                poses = fit_rigid_motions(x, seen, weights, floor, reference)
-            else:
-                begin = _stack([starts[k].poses for k, _ in some])
-                poses, _ = refine_rigid_motions(
-                    x, seen, weights, floor, reference, begin, ITERATIONS
-                )
-            for (k, rows), *pose in zip(some, *poses, strict=True):
-                valid = self.seen[rows].sum(axis=0) >= FEWEST_TRACKS
-                found[k] = Fit(Poses(*pose), valid)
-        return found
+        return fit_motions([(self, rows) for rows in groups], starts)
 
     def advance(self, groups, fits):
         """Motions with a pose in the newest frame, which was none of theirs.
@@ -226,7 +213,7 @@ class Window:
         """Numbers that a motion has: six per frame but the first, less its scale."""
         return max(6 * (int(fit.valid.sum()) - 1) - 1, 0)
 
-    def _some(self, rows):
+    def some(self, rows):
         """A reference frame, and tracks seen in it that a motion is fitted to."""
         seen = self.seen[rows]
         frames = np.flatnonzero(seen.any(axis=0))
@@ -239,18 +226,6 @@ class Window:
             places = np.linspace(0, len(rows) - 1, MOST_FITTED).astype(int)
             rows = rows[np.lexsort((y, x))][places]
         return reference, rows
-
-    def _stacked(self, groups):
-        """Coordinates, visibility, weights and floors of some groups, padded."""
-        most = max(map(len, groups))
-        x = np.zeros((len(groups), most, *self.x.shape[1:]))
-        seen = np.zeros(x.shape[:3], dtype=bool)
-        weights = np.zeros(x.shape[:2])
-        for k, rows in enumerate(groups):
-            x[k, : len(rows)] = self.x[rows]
-            seen[k, : len(rows)] = self.seen[rows]
-            weights[k, : len(rows)] = 1
-        return x, seen, weights, np.full(len(groups), self.camera.noise)
 
     def _resectable(self, rows, valid):
         """A reference frame and tracks seen in it and in the newest; None if few."""
@@ -267,7 +242,7 @@ class Window:
         """Set the newest poses of some motions, in place."""
         which = np.array([job[0] for job in jobs])
         references = np.array([job[1] for job in jobs])
-        x, seen, weights, _ = self._stacked([job[2] for job in jobs])
+        x, seen, weights = _stacked([(self, job[2]) for job in jobs])
         batch = np.arange(len(which))
         some = relative_to(Poses(*(each[which] for each in poses)), references)
         rays = np.ones((*x.shape[:2], 3))
@@ -286,6 +261,53 @@ class Window:
         some.rotations[:, -1], some.translations[:, -1] = R[best], t[best]
         for all_poses, new in zip(poses, some, strict=True):
             all_poses[which] = new
+
+
+def fit_motions(jobs, starts=None):
+    """Motions of groups of tracks, each of a window: all are fitted at once.
+
+    Parameters
+    ----------
+    jobs : list of (Window, ndarray of int)
+    starts : list of Fit, optional
+        As of :meth:`Window.fit`.
+
+    Returns
+    -------
+    list of Fit or None
+    """
+    found: list = [None] * len(jobs)
+    some = [(window, *window.some(rows)) for window, rows in jobs]
+    which = [k for k, job in enumerate(some) if len(job[2]) >= FEWEST_TRACKS]
+    if not which:
+        return found
+    fitted = [(some[k][0], some[k][2]) for k in which]
+    x, seen, weights = _stacked(fitted)
+    floors = np.array([window.camera.noise for window, _ in fitted])
+    references = np.array([some[k][1] for k in which])
+    problems = x, seen, weights, floors, references
+    if starts is None:
+        poses = fit_rigid_motions(*problems)
+    else:
+        begin = _stack([starts[k].poses for k in which])
+        poses, _ = refine_rigid_motions(*problems, begin, ITERATIONS)
+    for k, (window, rows), *pose in zip(which, fitted, *poses, strict=True):
+        valid = window.seen[rows].sum(axis=0) >= FEWEST_TRACKS
+        found[k] = Fit(Poses(*pose), valid)
+    return found
+
+
+def _stacked(jobs):
+    """Coordinates, visibility and weights of some groups of windows, padded."""
+    most = max(len(rows) for _, rows in jobs)
+    x = np.zeros((len(jobs), most, *jobs[0][0].x.shape[1:]))
+    seen = np.zeros(x.shape[:3], dtype=bool)
+    weights = np.zeros(x.shape[:2])
+    for k, (window, rows) in enumerate(jobs):
+        x[k, : len(rows)] = window.x[rows]
+        seen[k, : len(rows)] = window.seen[rows]
+        weights[k, : len(rows)] = 1
+    return x, seen, weights
 
 
 def _reference(seen, newest, frames):
