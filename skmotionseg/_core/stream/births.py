@@ -87,18 +87,18 @@ def joint_motions(window, scale, pairs):
     refined = window.fit(twice, [fit for fits, _ in pairs for fit in fits])
     fitted = list(zip(refined[::2], refined[1::2], strict=True))
     found = [
-        _of_both(window, scale, *pair, rows, fits)
+        _of_both(window, scale, pair, rows, fits)
         for pair, rows, fits in zip(pairs, some, fitted, strict=True)
     ]
     apart = [k for k, (_, saved) in enumerate(found) if saved > 0]
     for k, fit in zip(apart, window.fit([some[k] for k in apart]), strict=True):
-        fits = *fitted[k], fit
-        found[k] = _of_both(window, scale, *pairs[k], some[k], fits)
+        found[k] = _of_both(window, scale, pairs[k], some[k], (*fitted[k], fit))
     return found
 
 
-def _of_both(window, scale, fits, groups, some, found):
+def _of_both(window, scale, pair, some, found):
     """The best of the motions found for two groups, and what two motions save."""
+    fits, groups = pair
     found = [fit for fit in found if fit]
     if not found:
         return None, np.inf

@@ -29,7 +29,7 @@ class FocalLength:
     """
 
     def __init__(self):
-        self._gains = {1 / STEP: [], STEP: []}
+        self._gains: dict[float, list[float]] = {1 / STEP: [], STEP: []}
 
     def compare(self, window, scale, groups, fits, width):
         """The camera that explains motions best, and the motions it makes of them.

@@ -175,6 +175,9 @@ class MotionStream:
             if fit is not None:
                 self._begin(group, fit, static=k == 0)
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
+        if self.motions:  # also tracks that are too short to find motions by follow one
+            window = Window(self.buffer.points, self.buffer.seen, self.camera)
+            self._assign(window, fitted_groups(self.buffer, self.motions))
         names = ", ".join(str(motion.number) for motion in self.motions)
         return [Event(self.frame, "start", f"motions {names}")] if names else []
 
