@@ -44,7 +44,7 @@ from ._segmenter.long_clips import (
 )
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import label_reasons, motions_in_pixels
-from ._segmenter.report import SegmentationReport, make_report
+from ._segmenter.report import SegmentationReport, make_report, report_of_windows
 from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
     ALL_MODELS,
@@ -232,7 +232,11 @@ estimator, default="description_length"
         Only for clips of more than 100 frames: first and last frame of each. Such a fit
         has ``labels_``, ``label_reasons_``, ``probabilities_`` (shares of the frames in
         which a track was found in its motion), ``n_motions_``, ``stage_seconds_``
-        ("windows" and "total") and this, and none of the others.
+        ("windows" and "total"), this and the two that follow, and none of the others.
+    window_counts_ : ndarray of int, shape (n_windows,)
+        How many motions each window has found. Some may be out of its view.
+    window_confidences_ : ndarray of shape (n_windows,)
+        How probable it is that a window has no fewer motions than it has found.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
         track is seen.
@@ -429,7 +433,8 @@ estimator, default="description_length"
             found = segment_in_windows(clip, self, rng)
         self._frames = clip.frames
         self.labels_, self.probabilities_ = found.labels, found.shares
-        self.windows_ = found.windows
+        self.windows_, self.window_counts_ = found.windows, found.counts
+        self.window_confidences_ = found.surely
         self.n_motions_ = int(found.labels.max(initial=-1)) + 1
         seen_often = clip.times > self.frame_gap
         placed = np.where(seen_often, 0, -1)
@@ -654,7 +659,8 @@ estimator, default="description_length"
         For each motion, the report gives the number of its tracks, the simplest motion
         model that explains it and the residuals of its tracks. For each number of
         motions that was tried, it gives the costs and the reason why it was chosen or
-        not.
+        not. Of a clip of more than 100 frames it gives instead how many motions each
+        window has found, and models are fitted in each window.
 
         Parameters
         ----------
@@ -704,12 +710,10 @@ estimator, default="description_length"
         Number of motions: 3 with 99 %; next, ...
         """
         check_is_fitted(self)
+        tracks = self._read_tracks(X, reset=False)
         if hasattr(self, "windows_"):
-            raise ValueError(
-                f"there are no reports of clips of more than {LONG_CLIP} frames, in "
-                "which no number of motions is tried for the whole"
-            )
-        return make_report(self, *unpack_tracks(self._read_tracks(X, reset=False)))
+            return report_of_windows(self, LongClip(tracks, self.frame_gap + 1))
+        return make_report(self, *unpack_tracks(tracks))
 
 
 class _Stopwatch:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from textwrap import fill
 
-from .._segmenter.report import how_sure, pixels
+from .._segmenter.report import how_sure, pixels, window_lines
 from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .console import facts_table, stage_facts, track_facts
@@ -37,11 +37,12 @@ def print_findings(console, arguments, sequence, segmenter):
     for stage, seconds in sequence.seconds.items():
         facts.append((f"seconds {stage}", f"{seconds:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
-    if not hasattr(segmenter, "windows_"):
-        report = segmenter.report(sequence.data)
-        console.print(_motion_table(report))
-        if len(report.counts) > 1:
-            console.print(_count_table(report))
+    report = segmenter.report(sequence.data)
+    console.print(_motion_table(report))
+    if len(report.counts) > 1:
+        console.print(_count_table(report))
+    if report.windows:
+        console.print(window_lines(report), highlight=False)
     files = {
         "labels": arguments.out,
         "picture": arguments.render,

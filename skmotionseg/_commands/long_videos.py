@@ -36,6 +36,7 @@ def segment_stored(segmenter, clip, arguments, console, progress):
         ("frames", str(clip.n_frames)),
         ("windows", str(len(clip.parts))),
         ("motions found", str(int(found.labels.max(initial=-1)) + 1)),
+        ("motions per window", f"{found.counts.min()} to {found.counts.max()}"),
         ("seconds segmenting", f"{time.perf_counter() - started:.3f}"),
     ]
     if arguments.out is not None:

@@ -33,11 +33,17 @@ class WindowedLabels(NamedTuple):
         Of the frames in which windows gave a track some motion, those with this one.
     windows : ndarray of int, shape (n_windows, 2)
         First and last frame of each.
+    counts : ndarray of int, shape (n_windows,)
+        Motions that each has found.
+    surely : ndarray of shape (n_windows,)
+        How probable it is that there are no fewer.
     """
 
     labels: np.ndarray
     shares: np.ndarray
     windows: np.ndarray
+    counts: np.ndarray
+    surely: np.ndarray
 
 
 class LongClip:
@@ -150,7 +156,9 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         joiner.add(part, points, seen, labels, surely)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
-    return WindowedLabels(canonical_labels(labels), shares, frames)
+    counts = np.array([len(np.unique(own[own >= 0])) for own, _ in found])
+    surely = np.array([each for _, each in found])
+    return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
 
 
 def _for_windows(segmenter, most):

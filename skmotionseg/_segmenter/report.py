@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from .._core.geometry.description_length import clip_geometry
-from .._core.geometry.model_choice import choose_model
+from .._core.geometry.model_choice import ModelChoice, choose_model
+from .._core.stream.joining import SURE
 from .motions import ISOLATED, OUTLIER, TOO_SHORT
 
 # Probability of a number of motions below which it is nearly as likely to be another.
@@ -41,6 +42,15 @@ class CountRecord:
     gainless_pair: tuple[int, int] | None
     probability: float
     verdict: str
+
+
+@dataclass(frozen=True)
+class WindowRecord:
+    """A window of a long clip; the fields are those of :class:`SegmentationReport`."""
+
+    frames: tuple[int, int]
+    n_motions: int
+    confidence: float
 
 
 @dataclass(frozen=True)
@@ -80,6 +90,13 @@ class SegmentationReport:
         What the two terms are.
     weights : (float, float)
         Of the two terms in the total.
+    windows : tuple of records
+        Of a clip of more than 100 frames, in which no number of motions is tried for
+        the whole, and ``counts`` is empty. For each window: ``frames``, its first and
+        last; ``n_motions``, how many were found in it; ``confidence``, how probable it
+        is that there are no fewer. Description lengths of a motion are then means over
+        windows, weighted by its tracks, and residuals are of its tracks in each window
+        that sees eight of them.
 
     Examples
     --------
@@ -103,6 +120,7 @@ class SegmentationReport:
     unassigned: dict[str, int]
     term_names: tuple[str, str]
     weights: tuple[float, float]
+    windows: tuple[WindowRecord, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers as plain dicts, lists and scalars, as JSON takes them.
@@ -156,7 +174,8 @@ class SegmentationReport:
         ]
 
     def __str__(self) -> str:
-        parts = [_summary(self), _motion_lines(self), _count_lines(self)]
+        why = window_lines if self.windows else _count_lines
+        parts = [_summary(self), _motion_lines(self), why(self)]
         return "\n\n".join(parts)
 
     def _repr_html_(self) -> str:
@@ -193,11 +212,7 @@ def make_report(segmenter, points, visibility):
         If it was fitted to another number of tracks.
     """
     labels, landmarks = segmenter.labels_, segmenter.landmarks_
-    if len(points) != len(labels):
-        raise ValueError(
-            f"a report needs the {len(labels)} tracks that were fitted; got "
-            f"{len(points)}"
-        )
+    _check_fitted(len(points), len(labels))
     fitted = np.ix_(landmarks, segmenter._frames)
     geometry = clip_geometry(points[fitted], visibility[fitted])
     return SegmentationReport(
@@ -206,33 +221,123 @@ def make_report(segmenter, points, visibility):
             for label in range(segmenter.n_motions_)
         ),
         counts=tuple(_count_records(segmenter)),
-        n_tracks=len(labels),
         n_frames=visibility.shape[1],
-        n_outliers=int((labels < 0).sum()),
         n_judged=len(landmarks),
-        unassigned={
-            reason: int((segmenter.label_reasons_ == reason).sum())
-            for reason in (OUTLIER, TOO_SHORT, ISOLATED)
-        },
         term_names=segmenter.cost_names_,
         weights=segmenter.cost_weights_,
+        **_of_tracks(segmenter),
     )
+
+
+def report_of_windows(segmenter, clip):
+    """The report of a segmenter that was fitted to a long clip.
+
+    Parameters
+    ----------
+    segmenter : MotionSegmenter
+    clip : LongClip
+        Of the tracks that it was fitted to.
+
+    Returns
+    -------
+    SegmentationReport
+
+    Raises
+    ------
+    ValueError
+        If it was fitted to another number of tracks.
+    """
+    labels, n_motions = segmenter.labels_, segmenter.n_motions_
+    _check_fitted(clip.n_tracks, len(labels))
+    frames = np.zeros((n_motions, clip.n_frames), dtype=bool)
+    chosen: list[list[ModelChoice]] = [[] for _ in range(n_motions)]
+    judged = np.zeros(len(labels), dtype=bool)
+    for part in clip.parts:
+        points, seen = clip.window(part)
+        geometry, own = clip_geometry(points, seen), labels[part.tracks]
+        judged[part.tracks] = True
+        for label in np.unique(own[own >= 0]):
+            chosen[label].append(choose_model(geometry, np.flatnonzero(own == label)))
+            frames[label, part.start : part.stop] |= seen[own == label].any(axis=0)
+    found = zip(segmenter.window_counts_, segmenter.window_confidences_, strict=True)
+    return SegmentationReport(
+        motions=tuple(
+            _record(
+                label, labels == label, clip.frames[frames[label]], _mean(chosen[label])
+            )
+            for label in range(n_motions)
+        ),
+        counts=(),
+        n_frames=clip.n_frames,
+        n_judged=int(judged.sum()),
+        term_names=("", ""),
+        weights=(0.0, 0.0),
+        windows=tuple(
+            WindowRecord((int(first), int(last)), int(count), float(sure))
+            for (first, last), (count, sure) in zip(
+                segmenter.windows_, found, strict=True
+            )
+        ),
+        **_of_tracks(segmenter),
+    )
+
+
+def _check_fitted(n_tracks, n_fitted):
+    if n_tracks != n_fitted:
+        raise ValueError(
+            f"a report needs the {n_fitted} tracks that were fitted; got {n_tracks}"
+        )
+
+
+def _of_tracks(segmenter):
+    """What a report says of tracks in all, by its name there."""
+    labels, reasons = segmenter.labels_, segmenter.label_reasons_
+    return {
+        "n_tracks": len(labels),
+        "n_outliers": int((labels < 0).sum()),
+        "unassigned": {
+            reason: int((reasons == reason).sum())
+            for reason in (OUTLIER, TOO_SHORT, ISOLATED)
+        },
+    }
 
 
 def _motion_record(label, labels, visibility, geometry, landmarks):
     members = labels == label
     found = choose_model(geometry, np.flatnonzero(members[landmarks]))
+    return _record(
+        label, members, np.flatnonzero(visibility[members].any(axis=0)), found
+    )
+
+
+def _record(label, members, frames, found):
     residuals = found.residuals if len(found.residuals) else [np.nan]
     return MotionRecord(
         label=label,
         n_tracks=int(members.sum()),
         share=float(members.mean()),
-        frames=tuple(np.flatnonzero(visibility[members].any(axis=0)).tolist()),
+        frames=tuple(frames.tolist()),
         model=found.model,
         residual=float(np.median(residuals)),
         residual_90=float(np.percentile(residuals, 90)),
         description_lengths=found.lengths,
     )
+
+
+def _mean(choices):
+    """One choice of a model from those of windows: of the least mean length."""
+    choices = [each for each in choices if each.model is not None]
+    if not choices:
+        return ModelChoice(None, {}, np.zeros(0))
+    weights = [len(each.residuals) for each in choices]
+    lengths = {
+        name: float(
+            np.average([each.lengths[name] for each in choices], weights=weights)
+        )
+        for name in choices[0].lengths
+    }
+    residuals = np.concatenate([each.residuals for each in choices])
+    return ModelChoice(min(lengths, key=lambda name: lengths[name]), lengths, residuals)
 
 
 def _count_records(segmenter):
@@ -322,7 +427,7 @@ def _motion_lines(report):
         share = f"{report.n_outliers / report.n_tracks:.1%}"
         rows.append(("none", str(report.n_outliers), share, "", "", "", ""))
     lines = _table([header], rows, "rrrrlrr")
-    if report.n_judged < report.n_tracks:
+    if report.n_judged < report.n_tracks and not report.windows:
         lines += f"\nModels and residuals are those of {report.n_judged} landmarks."
     return lines
 
@@ -349,6 +454,23 @@ def _count_lines(report):
     ]
     lines = [_table(header, rows, "rrrrl"), _formula(report), how_sure(report)]
     return "\n".join(line for line in lines if line)
+
+
+def window_lines(report):
+    """How many windows have found how many motions."""
+    header = ("motions found", "windows", "sure", "frames")
+    rows = []
+    for count in sorted({each.n_motions for each in report.windows}):
+        own = [each for each in report.windows if each.n_motions == count]
+        sure = sum(each.confidence >= SURE for each in own)
+        first, last = own[0].frames[0], own[-1].frames[1]
+        rows.append((str(count), str(len(own)), str(sure), f"{first} to {last}"))
+    what = (
+        f"{len(report.windows)} windows, joined by their tracks and places. Sure: no "
+        f"fewer motions with\n{100 * SURE:.0f} % or more. Models and residuals are "
+        "those in windows."
+    )
+    return "\n".join([_table([header], rows, "rrrr"), what])
 
 
 def how_sure(report):

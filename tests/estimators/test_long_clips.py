@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from helpers.films import film
@@ -43,10 +45,36 @@ def test_motions_of_a_long_clip(X, fitted):
 
 
 @pytest.mark.slow
-def test_of_a_long_clip_there_is_no_report(X, fitted):
+def test_report_of_a_long_clip_is_of_its_windows(X, fitted):
     tracks, _ = X
-    with pytest.raises(ValueError, match="no reports of clips of more than 100 frames"):
-        fitted.report(tracks)
+    report = fitted.report(tracks)
+    assert [each.n_tracks for each in report.motions] == [
+        (fitted.labels_ == label).sum() for label in (0, 1)
+    ]
+    for label, motion in enumerate(report.motions):
+        seen = np.isfinite(tracks[fitted.labels_ == label, ::2]).any(axis=0)
+        assert_array_equal(motion.frames, np.flatnonzero(seen))
+        assert 0 < motion.residual < 1
+        assert set(motion.description_lengths) == {
+            "affine",
+            "homography",
+            "fundamental",
+        }
+    assert report.counts == ()
+    assert_array_equal([each.frames for each in report.windows], fitted.windows_)
+    found = [each.n_motions for each in report.windows]
+    assert_array_equal(found, fitted.window_counts_)
+    assert max(found) == 2
+    assert "5 windows" in str(report)
+    assert f"{found.count(2)}" in str(report)
+    assert json.loads(json.dumps(report.to_dict()))["windows"][0]["frames"] == [0, 29]
+    with pytest.raises(ValueError, match="tracks that were fitted; got 9"):
+        fitted.report(tracks[:9])
+
+
+@pytest.mark.slow
+def test_of_a_long_clip_only_known_tracks_are_placed(X, fitted):
+    tracks, _ = X
     with pytest.raises(ValueError, match="1 of 10 were not"):
         fitted.predict(np.concatenate([tracks[:9], tracks[:1] + 1]))
 
