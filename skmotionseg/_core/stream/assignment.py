@@ -19,6 +19,9 @@ NATS_TO_CHANGE = 2.0
 REMEMBERED = 0.95
 # Residuals above so many scales are of no inlier.
 OUTLYING = 4.0
+# Tracks that tell the noise of their motion, and the usual lower quartile of deviations
+# of tracks from their motions, in scales.
+FEWEST_TELLING, USUAL_QUARTILE = 8, 0.35
 
 
 class Residuals(NamedTuple):
@@ -32,22 +35,60 @@ class Residuals(NamedTuple):
         Cost of each track by each motion, for all of its residuals.
     scale : float
         Of the residuals, in calibrated coordinates.
+    noise : ndarray of shape (M,)
+        How many times larger the residuals of a motion's own tracks are, at least 1: as
+        far as that, something explains them that is not quite rigid.
     """
 
     squares: np.ndarray
     freedom: np.ndarray
     nats: np.ndarray
     scale: float
+    noise: np.ndarray
 
     def deviations(self):
         """Root mean square residuals (n, M), in scales; NaN where unknown."""
         return np.sqrt(self.squares / np.maximum(self.freedom, 1)) / self.scale
 
+    def usual(self):
+        """Deviations (n, M) in units of what is usual among the tracks of a motion."""
+        return self.deviations() / self.noise
+
+    def with_noise(self, columns, judged):
+        """The same with the noise of motions whose tracks are known.
+
+        Parameters
+        ----------
+        columns : ndarray of int, shape (n,)
+            Motion of each track, -1 for none.
+        judged : ndarray of bool, shape (n,)
+            Tracks that have a say.
+        """
+        return self._replace(
+            noise=np.array(
+                [
+                    noise_of(deviations[judged & (columns == k)])
+                    for k, deviations in enumerate(self.deviations().T)
+                ]
+            )
+        )
+
     def without(self, column):
         """The same without a motion."""
         left = np.delete(np.arange(self.nats.shape[1]), column)
-        squares, freedom, nats = self.squares, self.freedom, self.nats
-        return Residuals(squares[:, left], freedom[:, left], nats[:, left], self.scale)
+        some = (each[:, left] for each in (self.squares, self.freedom, self.nats))
+        return Residuals(*some, self.scale, self.noise[left])
+
+
+def noise_of(deviations):
+    """How many times larger than usual deviations of a motion's tracks are; at least 1.
+
+    From the lower quartile: others among them, fewer than three quarters, do not count.
+    """
+    deviations = deviations[np.isfinite(deviations)]
+    if len(deviations) < FEWEST_TELLING:
+        return 1.0
+    return max(1.0, float(np.quantile(deviations, 0.25)) / USUAL_QUARTILE)
 
 
 def measure(window, fits, scale, rows=None, groups=None):
@@ -67,7 +108,8 @@ def measure(window, fits, scale, rows=None, groups=None):
     nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
     per_residual = np.minimum(nats / np.maximum(freedom, 1), MOST_NATS)
     per_residual = np.where(freedom > 0, per_residual, MOST_NATS)
-    return Residuals(squares, freedom, per_residual * every[:, None], scale)
+    nats = per_residual * every[:, None]
+    return Residuals(squares, freedom, nats, scale, np.ones(len(fits)))
 
 
 def neighbour_shares(points, columns, n_motions):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ..geometry.windows import REFERENCE_WIDTH
-from .assignment import measure
+from .assignment import measure, noise_of
 
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.
 UNEXPLAINED, LEAST_FREEDOM = 2.0, 5
@@ -46,7 +46,7 @@ def find_candidate(window, residuals, chosen, points, seen_now, rng):
         Tracks that it explains much better than their own motions.
     """
     judged = seen_now & (window.freedom >= LEAST_FREEDOM)
-    own = np.take_along_axis(residuals.deviations(), chosen[:, None], axis=1)[:, 0]
+    own = np.take_along_axis(residuals.usual(), chosen[:, None], axis=1)[:, 0]
     lost = np.flatnonzero(judged & ~(own < UNEXPLAINED))
     nothing = None, lost[:0]
     if len(lost) < FEWEST_MEMBERS:
@@ -102,11 +102,14 @@ def _of_both(window, scale, pair, some, found):
     found = [fit for fit in found if fit]
     if not found:
         return None, np.inf
+    own = list(zip(fits, groups, strict=True))
+    deviations = [measure(window, [fit], scale, rows).deviations() for fit, rows in own]
+    scale = scale * max(noise_of(each[:, 0]) for each in deviations)
     costs = measure(window, found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
     both = np.concatenate(groups)
     saved = measure(window, [best], scale, both, [both]).nats.sum()
-    for fit, rows in zip(fits, groups, strict=True):
+    for fit, rows in own:
         saved -= measure(window, [fit], scale, rows, [rows]).nats.sum()
     price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
     return best, float(saved - ALIKE_IN_TIME * price)

@@ -63,7 +63,7 @@ def may_join(residuals, columns, motions):
     closed = np.array([motion.is_closed for motion in motions])
     if closed.all():
         return np.ones((len(columns), len(closed)), dtype=bool)
-    deviations = residuals.deviations()[:, ~closed]
+    deviations = residuals.usual()[:, ~closed]
     lost = ~(deviations < UNEXPLAINED).any(axis=1)
     own = columns[:, None] == np.arange(len(closed))
     return ~closed | own | lost[:, None]

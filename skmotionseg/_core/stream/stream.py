@@ -246,8 +246,10 @@ class MotionStream:
         fits = [motion.fit for motion in self.motions]
         residuals = measure(window, fits, self.scale, groups=groups)
         columns = columns_of(buffer.labels, self.motions)
+        judged = now & (window.freedom >= LEAST_FREEDOM)
+        residuals = residuals.with_noise(columns, judged)
         shares = np.zeros_like(residuals.nats)
-        voters = np.where(window.freedom[now] >= LEAST_FREEDOM, columns[now], UNKNOWN)
+        voters = np.where(judged[now], columns[now], UNKNOWN)
         places = buffer.points[now, -1]
         shares[now] = neighbour_shares(places, voters, len(self.motions))
         nats = np.where(
@@ -259,10 +261,10 @@ class MotionStream:
         buffer.follow(np.where(told, numbers[chosen], buffer.labels))
         kept = remembered(buffer.memory, residuals.nats, LENGTH)
         buffer.memory = np.where(now[:, None], kept, buffer.memory)
-        own = np.take_along_axis(residuals.deviations(), chosen[:, None], 1)[:, 0]
+        own = np.take_along_axis(residuals.usual(), chosen[:, None], 1)[:, 0]
         buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
         buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
-        self._follow_noise(own[now])
+        self._follow_noise((own * residuals.noise[chosen])[now])
         return residuals
 
     def _follow_noise(self, own):
