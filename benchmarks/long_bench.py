@@ -7,7 +7,8 @@ all told apart by their true matrices, no outliers. ``known`` and ``unknown`` ar
 ``MotionSegmenter`` on the whole clip, ``online`` is ``OnlineMotionSegmenter`` frame by
 frame, its error that of each track's most frequent label, or, of a track that was gone
 before there were motions, that of the result. Even seeds are for setting
-constants, odd ones for reports.
+constants, odd ones for reports. ``--json docs/long_videos.json`` keeps the figures, and
+``python -m benchmarks.figures`` writes them to the page of results.
 
 Each row is measured in a process of its own, which reads the tracks from a file.
 Seconds are of the processor, so that others on the machine count little; memory is the
@@ -30,6 +31,7 @@ from skmotionseg import MotionSegmenter, OnlineMotionSegmenter
 from skmotionseg.datasets import make_scene
 from skmotionseg.metrics import misclassification_error
 
+from . import report
 from .measuring import in_fresh_process, peak_memory
 
 HOW = ("known", "unknown", "online")
@@ -71,7 +73,7 @@ def measure(path, n_frames, seed, how):
         row = {"labels": segmenter.fit_predict(scene.data)}
     row["seconds"] = time.process_time() - started
     labels = row.pop("labels")
-    row["error"] = misclassification_error(scene.target, labels)
+    row["error"] = float(misclassification_error(scene.target, labels))
     row["found"] = len(np.unique(labels[labels >= 0]))
     row["peak"] = peak_memory()
     return row | {"n_frames": n_frames, "seed": seed, "how": how}
@@ -140,6 +142,15 @@ def show(row):
     print(text, flush=True)
 
 
+def stored(rows):
+    """What is kept of the rows of some seeds: a list of each figure."""
+    first, *_ = rows
+    name = f"{first['how']}-{first['n_frames']}"
+    same = {"row": name, "how": first["how"], "n_frames": first["n_frames"]}
+    others = [key for key in first if key not in same]
+    return same | {key: [row[key] for row in rows] for key in others}
+
+
 def main(arguments=None):
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks.long_bench",
@@ -149,6 +160,7 @@ def main(arguments=None):
     parser.add_argument("--frames", type=int, nargs="+", default=[200, 400])
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 3, 5])
     parser.add_argument("--how", nargs="+", choices=HOW, default=list(HOW))
+    parser.add_argument("--json", type=Path, metavar="FILE", help="add the figures")
     arguments = parser.parse_args(arguments)
     print(
         "frames seed how        error  found  seconds  per frame  peak  "
@@ -160,6 +172,7 @@ def main(arguments=None):
             for seed in arguments.seeds:
                 rows.append(measured(n_frames, seed, how))
                 show(rows[-1])
+                report.save(arguments.json, "long", [stored(rows)])
             mean = np.mean([row["error"] for row in rows])
             print(f"{n_frames:6d} mean {how:8s} {mean:7.2%}", flush=True)
 

@@ -15,8 +15,10 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from ._core.geometry.tracks import pack_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.scene import background_motion
+from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
+from ._segmenter.motions import stream_reasons
 from .segmentation import MotionSegmenter
 
 # Motions that are looked for in the first frames, if their number is not given.
@@ -65,6 +67,12 @@ class OnlineMotionSegmenter(BaseEstimator):
         short to judge and has no neighbours, or that came before motions were found.
     track_ids_ : ndarray of int, shape (n_seen,)
         Of the same tracks, as they were given.
+    label_reasons_ : ndarray of str, shape (n_seen,)
+        Reason for each of these labels: "assigned"; or, for -1, "outlier" if the motion
+        of the track does not explain it, "no motions yet" before motions are found,
+        "candidate" if the track belongs to what will be a new motion or be dropped
+        within ten frames, and had no label before, and "too short" if the track is seen
+        in too few of the last frames to judge, and has no neighbours.
     n_motions_ : int
         Motions in view.
     motions_ : ndarray of int, shape (n_motions,)
@@ -160,6 +168,7 @@ class OnlineMotionSegmenter(BaseEstimator):
             self._stream = self._begin()
         labels, events = self._stream.step(points, ids, self._partition)
         self.labels_, self.track_ids_, self.events_ = labels, ids, events
+        self.label_reasons_ = self._reasons(labels, ids)
         numbers = [m.number for m in self._stream.motions if not m.is_candidate]
         self.motions_ = np.array(sorted(numbers), dtype=int)
         self.n_motions_ = len(numbers)
@@ -194,6 +203,16 @@ class OnlineMotionSegmenter(BaseEstimator):
         rng = np.random.RandomState(rng.randint(2**31 - 1))
         most = None if self.n_motions == "auto" else self.n_motions
         return MotionStream(most, rng, self.keep_history)
+
+    def _reasons(self, labels, ids):
+        buffer = self._stream.buffer
+        rows = np.searchsorted(buffer.ids, ids)
+        return stream_reasons(
+            labels,
+            buffer.outlying[rows],
+            buffer.labels[rows] < UNKNOWN,
+            bool(self._stream.motions),
+        )
 
     def _partition(self, points, seen):
         """Motions of the tracks of the first frames, the static scene first."""

@@ -12,6 +12,7 @@ from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import facts_table
 from .label_files import begin_observations, write_frame
+from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
 N_POINTS = 500
@@ -37,11 +38,16 @@ def segment_live(arguments):
     segmenter = OnlineMotionSegmenter(arguments.motions, random_state=arguments.seed)
     started = time.perf_counter()
     with ExitStack() as files:
-        table = None
+        table, window = None, None
+        if not arguments.no_window:
+            window = _window(str(arguments.file), console)
+            files.callback(window.close)
         if arguments.out is not None:
             table = files.enter_context(replacing(arguments.out))
             begin_observations(table)
         labelled = _labelled(frames, segmenter, table, arguments, console)
+        if window is not None:
+            labelled = _shown(labelled, window, console)
         if arguments.render is None:
             for _ in labelled:
                 pass
@@ -89,6 +95,27 @@ def _labelled(frames, segmenter, table, arguments, console):
             yield each.frame, points, labels
     except KeyboardInterrupt:  # how one ends what a camera films
         console.print("stopped", highlight=False)
+
+
+def _window(title, console):
+    """A window on the screen; where there is none, that is said."""
+    window = Window(title)
+    if window.reason:
+        console.print(f"no window: {window.reason}", highlight=False)
+    else:
+        console.print("q or Esc in the window ends it", highlight=False)
+    return window
+
+
+def _shown(labelled, window, console):
+    """Yield the same, each drawn in a window, until somebody ends it there."""
+    from ..video._rendering import with_points
+
+    for each in labelled:
+        yield each
+        if not window.reason and not window.show(with_points(*each)):
+            console.print("stopped", highlight=False)
+            return
 
 
 def _with_spacing(frames):

@@ -110,7 +110,11 @@ def add_segment(commands):
         action="store_true",
         help="segment frame by frame, as for a camera, which is INPUT if that is a "
         "number; memory does not grow with the video, and Ctrl-C ends it well. Draws "
-        "to --render .mp4 and writes to --out .csv as it goes",
+        "in a window, where there is a display and an OpenCV that uses it, and to "
+        "--render .mp4, and writes to --out .csv as it goes",
+    )
+    videos.add_argument(
+        "--no-window", action="store_true", help="with --live: open no window"
     )
     add_mask_options(videos)
     segment.set_defaults(run=_segment)

@@ -183,10 +183,11 @@ def write_points(labelled, path, fps):
     fps : float
     """
     with replacing_path(path) as part:
-        _write_video((_with_points(*each) for each in labelled), part, fps)
+        _write_video((with_points(*each) for each in labelled), part, fps)
 
 
-def _with_points(frame, points, labels):
+def with_points(frame, points, labels):
+    """A copy of a frame with its points (n, 2) in the colours of their labels."""
     seen = np.ones((len(points), 1), dtype=bool)
     return _Pen(points[:, None], seen, labels, trail=0).draw(frame, 0)
 

@@ -12,6 +12,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skmotionseg import OnlineMotionSegmenter
+from skmotionseg._segmenter.motions import stream_reasons
 from skmotionseg.metrics import misclassification_error
 
 
@@ -71,6 +72,34 @@ def test_newest_frame_is_kept(movie, played):
     _, ids = movie.frame(39)
     assert_array_equal(segmenter.track_ids_, ids)
     assert_array_equal(segmenter.labels_, table[39, ids])
+    assert_array_equal(segmenter.label_reasons_ == "assigned", table[39, ids] >= 0)
+
+
+def test_reasons_say_why_a_track_has_no_motion(movie, half):
+    segmenter = OnlineMotionSegmenter(random_state=0)
+    play(movie, segmenter, range(9))
+    assert set(segmenter.label_reasons_) == {"no motions yet"}
+    points, seen, _ = movie
+    lost = np.flatnonzero(seen[:, 14:24].all(axis=1))[0]
+    points = points.copy()
+    points[lost, 20:] += 40  # the tracker has gone to something else
+    segmenter = pickle.loads(half)
+    play(movie._replace(points=points), segmenter, range(20, 24))
+    (at,) = np.flatnonzero(segmenter.track_ids_ == lost)
+    assert segmenter.labels_[at] == -1
+    assert segmenter.label_reasons_[at] == "outlier"
+    assert (segmenter.label_reasons_ == "assigned").mean() > 0.95
+
+
+def test_each_track_has_one_reason():
+    labels = np.array([0, -1, -1, -1, 2])
+    outlying = np.array([False, True, False, False, False])
+    candidates = np.array([False, False, True, False, True])
+    reasons = stream_reasons(labels, outlying, candidates, any_motion=True)
+    expected = ["assigned", "outlier", "candidate", "too short", "assigned"]
+    assert reasons.tolist() == expected
+    reasons = stream_reasons(np.full(5, -1), outlying, candidates, any_motion=False)
+    assert set(reasons) == {"no motions yet"}
 
 
 def test_result_has_all_tracks(movie, played):
@@ -166,6 +195,7 @@ def test_frame_out_of_nowhere_is_survived(movie, half):
     stray, ids = np.random.default_rng(1).uniform(0, 400, (50, 2)), np.arange(50) + 9000
     labels = segmenter.update(stray, ids)
     assert (labels == -1).all()
+    assert set(segmenter.label_reasons_) == {"too short"}
     assert kinds(segmenter.events_) == ["break"]
     table, events, _ = play(movie, segmenter, range(20, 40))
     assert kinds(events) == ["resumed"]

@@ -73,6 +73,102 @@ def test_a_file_is_played_as_if_it_were_a_camera(file, tmp_path, capsys):
     assert round(capture.get(cv2.CAP_PROP_FPS)) == 20
 
 
+class Screen:
+    """Stands for the windows of OpenCV, which are not there in tests."""
+
+    def __init__(self, monkeypatch, key_at=None, closed_at=None):
+        self.pictures, self.closed = [], []
+        self.key_at, self.closed_at = key_at, closed_at
+        monkeypatch.setenv("DISPLAY", ":7")
+        for name in ("namedWindow", "imshow", "waitKey", "getWindowProperty"):
+            monkeypatch.setattr(cv2, name, getattr(self, name))
+        monkeypatch.setattr(cv2, "destroyWindow", self.closed.append)
+
+    def namedWindow(self, title, flags):
+        self.title = title
+
+    def imshow(self, title, picture):
+        assert title == self.title
+        self.pictures.append(picture)
+
+    def waitKey(self, milliseconds):
+        return ord("q") if len(self.pictures) == self.key_at else -1
+
+    def getWindowProperty(self, title, what):
+        assert what == cv2.WND_PROP_VISIBLE
+        return 0.0 if len(self.pictures) == self.closed_at else 1.0
+
+
+def test_what_is_found_is_drawn_in_a_window(file, frames, capsys, monkeypatch):
+    screen = Screen(monkeypatch)
+    assert main(["segment", "--live", str(file), "--grid", "30"]) == 0
+    assert "q or Esc" in capsys.readouterr().out
+    assert len(screen.pictures) == N_FRAMES
+    assert screen.closed == [str(file)]
+    for shown, frame in zip(screen.pictures, frames, strict=True):
+        assert shown.shape == frame.shape
+        changed = (np.abs(shown.astype(int) - frame).max(axis=2) > 60).mean()
+        assert 0.001 < changed < 0.5  # points, and the frame behind them
+
+
+@pytest.mark.parametrize("ended", [{"key_at": 5}, {"closed_at": 5}])
+def test_a_window_that_is_ended_ends_the_stream(
+    ended, file, tmp_path, capsys, monkeypatch
+):
+    screen = Screen(monkeypatch, **ended)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert "stopped" in capsys.readouterr().out
+    assert len(screen.pictures) == 5
+    assert screen.closed == [str(file)]
+    capture = cv2.VideoCapture(str(picture))
+    assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == 5
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert set(rows[:, 1]) == set(range(5))
+
+
+def without_display(monkeypatch):
+    monkeypatch.setattr("sys.platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def without_windows(monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":7")
+
+    def fails(*arguments):
+        raise cv2.error("The function is not implemented")
+
+    monkeypatch.setattr(cv2, "namedWindow", fails)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "words"),
+    [
+        (without_display, "no window: there is no display"),
+        (without_windows, "no window: this OpenCV shows no pictures"),
+    ],
+)
+def test_without_a_window_the_film_is_written(
+    lacking, words, file, tmp_path, capsys, monkeypatch
+):
+    lacking(monkeypatch)
+    picture = tmp_path / "live.mp4"
+    options = ["--grid", "30", "--max-frames", "6", "--render", str(picture)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert words in " ".join(capsys.readouterr().out.split())
+    assert cv2.VideoCapture(str(picture)).get(cv2.CAP_PROP_FRAME_COUNT) == 6
+
+
+def test_no_window_if_none_is_wanted(file, capsys, monkeypatch):
+    screen = Screen(monkeypatch)
+    options = ["--grid", "30", "--max-frames", "4", "--no-window"]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert "window" not in capsys.readouterr().out
+    assert screen.pictures == []
+
+
 def test_what_is_stopped_is_written(file, tmp_path, capsys, monkeypatch):
     class Stopped:
         n_frames_, n_motions_, events_ = 0, 0, ()
