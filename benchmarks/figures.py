@@ -8,9 +8,9 @@ The commands:
                                                     skmotionseg bench --json FILE
     python -m benchmarks.figures --paper FILE ...   and of skmotionseg bench --paper
 
-``docs/accuracy.json`` holds errors, ``docs/speed.json`` times and
-``docs/sensitivity.json`` what hangs on each constant. A test fails where a page and
-these files differ.
+``docs/accuracy.json`` holds errors, ``docs/speed.json`` times,
+``docs/sensitivity.json`` what hangs on each constant and ``docs/long_videos.json`` long
+videos. A test fails where a page and these files differ.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from skmotionseg._segmenter.views import ALL_MODELS
 ROOT = Path(__file__).parents[1]
 RECORDS = {
     name: ROOT / "docs" / f"{name}.json"
-    for name in ("accuracy", "speed", "sensitivity")
+    for name in ("accuracy", "speed", "sensitivity", "long_videos")
 }
 DATASETS = ("KT3DMoSeg", "Hopkins155", "MTPV62", "Hopkins12")
 # Seeds of a row that says nothing of them.
@@ -48,6 +48,11 @@ NAMES = {
 }
 DEFAULTS = ("default", "default by frame pairs")
 NOTHING = "-"
+LONG_NAMES = {
+    "online": "`OnlineMotionSegmenter()`",
+    "known": "`MotionSegmenter(4)`",
+    "unknown": "`MotionSegmenter()`",
+}
 GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"
 
 
@@ -289,6 +294,40 @@ def dense_table(record):
     return "\n".join([*lines, "", f"Measured with version {version}."])
 
 
+def long_table(record):
+    """A row per number of frames and way to segment them, over seeds."""
+    rows = sorted(record["long"], key=lambda row: (row["how"], row["n_frames"]))
+    columns = {
+        "": lambda row: LONG_NAMES[row["how"]],
+        "frames": report.number("n_frames", "{:,}"),
+        "seeds": lambda row: str(len(row["error"])),
+        "error %": lambda row: _with_range([100 * each for each in row["error"]]),
+        "motions found": lambda row: ", ".join(map(str, row["found"])),
+        "CPU ms per frame": lambda row: _of_frames(row),
+        "update, 95th percentile, CPU ms": lambda row: _with_range(
+            [1e3 * each for each in row.get("late", ())], "{:.0f}"
+        ),
+        "switches": lambda row: _with_range(row.get("switches", ())),
+        "state, KiB": lambda row: _with_range(
+            [each / 2**10 for each in row.get("state", ())], "{:.0f}"
+        ),
+        "peak, MiB": lambda row: f"{np.mean(row['peak']) / 2**20:.0f}",
+    }
+    return report.figures(rows, columns)
+
+
+def _of_frames(row):
+    return f"{1e3 * np.mean(row['seconds']) / row['n_frames']:.0f}"
+
+
+def _with_range(values, form="{:.2f}"):
+    """``0.38 (0.12-0.83)``: the mean, the least and the most."""
+    if len(values) == 0:
+        return ""
+    mean, low, high = (form.format(f(values)) for f in (np.mean, min, max))
+    return f"{mean} ({low}-{high})"
+
+
 # ------------------------------------------------------------------------------- pages
 
 
@@ -318,6 +357,7 @@ def pages():
         "accuracy": accuracy,
         "speed": speed,
         "sensitivity": {"docs/sensitivity.md": sensitivity.sections_of_page()},
+        "long_videos": {"docs/results.md": {"long": long_table}},
     }
     sections: dict = {}
     for record, by_page in of_record.items():

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from benchmarks import figures
+from benchmarks import figures, long_bench, report
 
 SCORES = {"seconds": {"total": 1.0}, "n_tracks": 9, "n_frames": 3}
 
@@ -90,3 +90,31 @@ def test_the_papers_protocol_reaches_the_pages(copies, tmp_path):
     assert figures.main(["--paper", str(file)]) == 0
     row = "| co-regularisation | 25.00 (25.00) [9] | 50.00 / 0 [9] | 12.50 / 100 [9] |"
     assert row in (copies / "docs" / "results.md").read_text()
+
+
+def test_rows_of_long_videos_reach_the_page(copies):
+    def row(seed, error):
+        shared = {"how": "online", "n_frames": 400, "found": 4, "peak": 2**25}
+        times = {"seconds": 20.0, "median": 0.04, "late": 0.0625 * seed}
+        return {
+            **shared,
+            **times,
+            "seed": seed,
+            "error": error,
+            "switches": 0.5,
+            "state": 2**17,
+        }
+
+    kept = long_bench.stored([row(1, 0.125), row(3, 0.375)])
+    report.save(copies / "docs" / "long_videos.json", "long", [kept])
+    assert figures.main([]) == 0
+    page = (copies / "docs" / "results.md").read_text()
+    line = next(
+        line
+        for line in page.splitlines()
+        if "OnlineMotionSegmenter()`" in line and " 400 " in line
+    )
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells[1:5] == ["400", "2", "25.00 (12.50-37.50)", "4, 4"]
+    assert cells[5:7] == ["50", "125 (62-188)"]
+    assert cells[-3:] == ["0.50 (0.50-0.50)", "128 (128-128)", "32"]
