@@ -136,9 +136,9 @@ load_arrigoni = _loader(
     "*.npz",
     "",
     "``NAME.npz``, each with ``points`` (n_tracks, n_images, 2),\n"
-    "        ``visibility`` (n_tracks, n_images) and ``labels`` (n_tracks,), -1 for tracks\n"
-    "        that change from one thing to another; mismatches within a thing have its\n"
-    "        label",
+    "        ``visibility`` (n_tracks, n_images) and ``labels`` (n_tracks,), -1 for\n"
+    "        tracks that go from one thing to another; mismatches within a thing\n"
+    "        have its label",
     'F. Arrigoni and T. Pajdla, "Robust Motion Segmentation from Pairwise Matches",\n'
     "       ICCV 2019.",
     "Their authors publish matches\n"
