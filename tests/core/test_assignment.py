@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg._core.stream.assignment import (
+    FEWEST_TELLING,
     NATS_TO_CHANGE,
     REMEMBERED,
+    USUAL_QUARTILE,
+    Residuals,
     assign,
     neighbour_shares,
+    noise_of,
     remembered,
 )
 
@@ -34,3 +39,30 @@ def test_labels_change_only_for_enough_nats():
 def test_what_earlier_frames_say_is_forgotten_by_and_by():
     memory = remembered(np.array([[10.0, 0.0]]), np.array([[3.0, 6.0]]), 3)
     assert_allclose(memory, [[10 * REMEMBERED, 1.0]])
+
+
+def test_noise_is_that_of_a_motions_own_tracks():
+    usual = np.linspace(0.3, 0.7, 40)
+    assert noise_of(usual) == pytest.approx(0.4 / USUAL_QUARTILE)
+    assert noise_of(usual / 4) == 1
+    assert noise_of(5 * usual) == pytest.approx(5 * noise_of(usual))
+    # Others among them, fewer than three quarters, are not taken for noise.
+    assert noise_of(np.append(usual, np.full(40, 50.0))) < 1.5 * noise_of(usual)
+    assert noise_of(np.full(FEWEST_TELLING - 1, 9.0)) == 1
+    assert noise_of(np.append(np.full(FEWEST_TELLING, 0.7), np.nan)) == 2
+
+
+def test_outliers_are_those_of_their_own_motion():
+    squares = np.tile([[0.01, 25.0]], (40, 1))
+    squares[20:] = [[25.0, 0.25]]
+    squares[39, 1] = 25.0
+    freedom = np.ones((40, 2))
+    columns = np.repeat([0, 1], 20)
+    residuals = Residuals(squares, freedom, squares, 0.1, np.ones(2))
+    quiet, noisy = residuals.with_noise(columns, np.ones(40, dtype=bool)).noise
+    assert quiet == pytest.approx(1 / USUAL_QUARTILE)
+    assert noisy == pytest.approx(5 / USUAL_QUARTILE)
+    found = residuals.with_noise(columns, np.ones(40, dtype=bool))
+    usual = np.take_along_axis(found.usual(), columns[:, None], axis=1)[:, 0]
+    assert np.flatnonzero(usual > 1).tolist() == [39]
+    assert found.without(0).noise == [noisy]

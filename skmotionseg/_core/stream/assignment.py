@@ -76,7 +76,8 @@ class Residuals(NamedTuple):
     def without(self, column):
         """The same without a motion."""
         left = np.delete(np.arange(self.nats.shape[1]), column)
-        some = (each[:, left] for each in (self.squares, self.freedom, self.nats))
+        squares, freedom, nats = self.squares, self.freedom, self.nats
+        some = squares[:, left], freedom[:, left], nats[:, left]
         return Residuals(*some, self.scale, self.noise[left])
 
 
