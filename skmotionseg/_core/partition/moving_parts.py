@@ -188,7 +188,9 @@ def _known_medians(values, n_known):
     """
     ordered = np.sort(values, axis=-1)  # NaN last
     low, high = (
-        np.take_along_axis(ordered, np.broadcast_to(at, ordered.shape[:-1])[..., None], -1)
+        np.take_along_axis(
+            ordered, np.broadcast_to(at, ordered.shape[:-1])[..., None], -1
+        )
         for at in ((n_known - 1) // 2, n_known // 2)
     )
     return (low[..., 0] + high[..., 0]) / 2
