@@ -25,10 +25,19 @@ COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
 MOST_FLOW, MOST_DISTANCE, MOST_COLOUR = 4.0, 4.0, 3.0
 
 
+def pixels(shape):
+    """Columns (1, width) and rows (height, 1) of a picture's pixels, float32."""
+    height, width = shape[:2]
+    return (
+        np.arange(width, dtype=np.float32)[None],
+        np.arange(height, dtype=np.float32)[:, None],
+    )
+
+
 def warp(values, flow):
     """Values (height, width) or (height, width, n) of where the flow leads."""
     cv2 = require("cv2", extra="video")
-    y, x = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
+    x, y = pixels(flow.shape)
     return cv2.remap(
         values,
         x + flow[..., 0],
@@ -125,8 +134,11 @@ def motion_field(points, steps, shape):
     left = steps - _affine_at(points, affine)
     column, row = (points // CELL).astype(int).T
     row, column = row.clip(0, n_rows - 1), column.clip(0, n_columns - 1)
-    sums = np.zeros((n_rows, n_columns, 3), dtype=np.float32)
-    np.add.at(sums, (row, column), np.column_stack([left, np.ones(len(left))]))
+    cells = row * n_columns + column
+    sums = [
+        np.bincount(cells, weight, n_rows * n_columns) for weight in (*left.T, None)
+    ]
+    sums = np.stack(sums, axis=1).reshape(n_rows, n_columns, 3).astype(np.float32)
     count = sums[..., 2]
     means = sums[..., :2] / np.maximum(count, 1)[..., None]
     y, x = np.mgrid[:n_rows, :n_columns] * CELL + (CELL - 1) / 2
@@ -213,7 +225,7 @@ def texture_centres(energy):
     cv2 = require("cv2", extra="video")
     r = TRACK_WINDOW // 2  # the picture goes on beyond its edges, lest these pull
     energy = cv2.copyMakeBorder(energy + 1e-2, r, r, r, r, cv2.BORDER_REFLECT_101)
-    y, x = np.mgrid[: energy.shape[0], : energy.shape[1]].astype(np.float32)
+    x, y = pixels(energy.shape)
 
     def total(values):
         return cv2.boxFilter(values, -1, (TRACK_WINDOW, TRACK_WINDOW))
@@ -322,12 +334,25 @@ class ColourGrid:
         counts = np.stack(
             [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in probabilities]
         ).astype(np.float32)
-        counts = _smoothed(counts.reshape(-1, *self._shape))
+        counts = counts.reshape(-1, *self._shape)
+        filled = self._filled(counts)
+        counts[filled] = _smoothed(counts[filled])
         found = counts.reshape(len(probabilities), -1)[:, cells]
         total = found.sum(axis=0)
         logs = np.log(found / (total + 1e-6) + 0.02)
         logs = np.maximum(logs - logs.max(axis=0), -MOST_COLOUR)
         return logs * np.minimum(total / 5, 1)
+
+    def _filled(self, counts):
+        """Slices of counts (n, ...) outside which they are, and stay, 0.
+
+        A picture has few of the colours that there are.
+        """
+        places = np.unravel_index(np.flatnonzero(counts.any(axis=0)), counts.shape[1:])
+        return (
+            slice(None),
+            *(slice(max(at.min() - 1, 0), at.max() + 2) for at in places),
+        )
 
 
 def _smoothed(counts):

@@ -141,6 +141,13 @@ class _View:
     def __init__(self, picture, grey):
         self.picture, self.grey = picture, grey
         self.ahead = self.back = None
+        self.ahead_trust = self.back_trust = None
+
+    def set_flow(self, ahead, back):
+        """The flow to and from the frame after it, and how far to believe it."""
+        self.ahead, self.back = ahead, back
+        self.ahead_trust = flow_agreement(ahead, back)
+        self.back_trust = flow_agreement(back, ahead)
 
 
 class _Painter:
@@ -192,8 +199,10 @@ class _Painter:
         walk : ndarray of float32, shape (n, height, width)
         """
         if following is not None:
-            view.ahead = self._flow.calc(view.grey, following.grey, None)
-            view.back = self._flow.calc(following.grey, view.grey, None)
+            view.set_flow(
+                self._flow.calc(view.grey, following.grey, None),
+                self._flow.calc(following.grey, view.grey, None),
+            )
         if self._grid is None:
             self._grid = ColourGrid(view.grey.shape)
         seen = np.flatnonzero(self._visibility[:, number])
@@ -210,9 +219,10 @@ class _Painter:
 
     def _present(self, seen):
         """Labels (n,) with tracks that are seen, or pixels in the last frame."""
-        known = [self._labels[seen]]
+        known = [np.flatnonzero(np.bincount(self._labels[seen]))]
         if self._last is not None:
-            known.append(self._last_present[np.unique(self._last_walk.argmax(axis=0))])
+            best = self._last_walk.argmax(axis=0).ravel()
+            known.append(self._last_present[np.flatnonzero(np.bincount(best))])
         present = np.unique(np.concatenate(known))
         return present if len(present) else np.zeros(1, dtype=int)
 
@@ -231,19 +241,19 @@ class _Painter:
         """Mean over the flows to the frames after and before."""
         pairs = []
         if view.ahead is not None:
-            pairs.append((view.ahead, view.back, number + 1))
+            pairs.append((view.ahead, view.ahead_trust, number + 1))
         if self._last is not None:
-            pairs.append((self._last.back, self._last.ahead, number - 1))
+            pairs.append((self._last.back, self._last.back_trust, number - 1))
         logs = np.zeros((n_labels, *view.grey.shape), dtype=np.float32)
         trust = texture_trust(energy)
-        for flow, back, other in pairs:
+        for flow, agreement, other in pairs:
             rows = np.flatnonzero(
                 self._visibility[:, number] & self._visibility[:, other]
             )
             points = self._place(rows, number)
             logs += flow_evidence(
                 flow,
-                trust * flow_agreement(flow, back),
+                trust * agreement,
                 points,
                 self._place(rows, other) - points,
                 labels[rows],
@@ -268,8 +278,7 @@ class _Painter:
         known = self._of_last(present)
         past = np.stack([warp(part, flow) for part in known])
         odds = np.log(past + 0.03)
-        trust = flow_agreement(flow, last.ahead)
-        logs = logs + trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
+        logs = logs + last.back_trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)
         logs += COLOUR_WEIGHT * self._grid.evidence(moved, known, cells)
         return random_walk(_drawn(logs) + seeds, across, down, past)
@@ -299,12 +308,14 @@ def _enlarged(walk, frame):
 
     grey_mean = mean(grey)
     spread = mean(grey * grey) - grey_mean**2 + 1e-3
-    best, best_value = np.zeros((height, width), int), np.full((height, width), -np.inf)
-    for label, part in enumerate(walk):
+    best = np.zeros((height, width), int)
+    left, best_value = 1.0, -np.inf  # the last label has what the others leave
+    for label, part in enumerate(walk[:-1]):
         part = cv2.resize(part, (width, height))
         part_mean = mean(part)
         slope = (mean(grey * part) - grey_mean * part_mean) / spread
         value = mean(slope) * grey + mean(part_mean - slope * grey_mean)
         best[value > best_value] = label
-        best_value = np.maximum(best_value, value)
+        best_value, left = np.maximum(best_value, value), left - value
+    best[left > best_value] = len(walk) - 1
     return best
