@@ -14,11 +14,15 @@ from .._utils.optional import require
 from .._utils.validation import check_label_each
 from ._checks import check_number, make_reporter
 from ._evidence import (
+    LOOK_WORTH,
+    MOST_LOOK,
     ColourGrid,
+    appearance,
     distance_evidence,
     flow_agreement,
     flow_evidence,
     gradient_energy,
+    motion_fields,
     texture_centres,
     texture_trust,
     track_counts,
@@ -140,7 +144,7 @@ class _View:
 
     def __init__(self, picture, grey):
         self.picture, self.grey = picture, grey
-        self.ahead = self.back = None
+        self.ahead = self.back = self.following = None
         self.ahead_trust = self.back_trust = None
 
     def set_flow(self, ahead, back):
@@ -199,6 +203,7 @@ class _Painter:
         walk : ndarray of float32, shape (n, height, width)
         """
         if following is not None:
+            view.following = following.grey
             view.set_flow(
                 self._flow.calc(view.grey, following.grey, None),
                 self._flow.calc(following.grey, view.grey, None),
@@ -238,27 +243,33 @@ class _Painter:
         return (self._points[rows, number] + 0.5) * self._scale - 0.5
 
     def _flow_evidence(self, view, number, labels, n_labels, energy):
-        """Mean over the flows to the frames after and before."""
+        """By the flows to the frames after and before, and by how these look there.
+
+        Flow counts as the mean of both; a picture is explained by a motion if it is
+        from one of both, as what is hidden in one can mostly be seen in the other.
+        """
         pairs = []
         if view.ahead is not None:
-            pairs.append((view.ahead, view.ahead_trust, number + 1))
+            pairs.append((view.ahead, view.ahead_trust, view.following, number + 1))
         if self._last is not None:
-            pairs.append((self._last.back, self._last.back_trust, number - 1))
+            last = self._last
+            pairs.append((last.back, last.back_trust, last.grey, number - 1))
         logs = np.zeros((n_labels, *view.grey.shape), dtype=np.float32)
-        trust = texture_trust(energy)
-        for flow, agreement, other in pairs:
+        looks = np.full_like(logs, -np.inf)
+        trust, grey = texture_trust(energy), view.grey.astype(np.float32)
+        for flow, agreement, other_grey, other in pairs:
             rows = np.flatnonzero(
                 self._visibility[:, number] & self._visibility[:, other]
             )
             points = self._place(rows, number)
-            logs += flow_evidence(
-                flow,
-                trust * agreement,
-                points,
-                self._place(rows, other) - points,
-                labels[rows],
-                n_labels,
-            ) / len(pairs)
+            steps = self._place(rows, other) - points
+            fields = motion_fields(points, steps, labels[rows], n_labels, grey.shape)
+            logs += flow_evidence(flow, trust * agreement, fields) / len(pairs)
+            other_grey = other_grey.astype(np.float32)
+            looks = np.maximum(looks, appearance(grey, other_grey, energy, fields))
+        if pairs:
+            looks = LOOK_WORTH * (looks - looks.max(axis=0))
+            logs += np.maximum(looks, -MOST_LOOK)
         return logs
 
     def _decide(self, view, logs, counts, present):
