@@ -16,7 +16,7 @@ FLOW_TEXTURE = 2.0
 # Standard deviation of grey values from frame to frame; side of the window, pixels, in
 # which pictures are compared; squared deviations from which on they are all the same;
 # and how many pixels a window is worth, as neighbours repeat each other.
-GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 2.0
+GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 8.0
 # Side of the window, pixels, whose texture a track is taken to follow: somewhat more
 # than that of the tracker, as what is begun by dense optical flow follows more.
 TRACK_WINDOW = 15
@@ -197,11 +197,11 @@ def motion_field(points, steps, shape):
     row, column = row.clip(0, n_rows - 1), column.clip(0, n_columns - 1)
     cells = row * n_columns + column
     sums = [
-        np.bincount(cells, weight, n_rows * n_columns) for weight in (*left.T, None)
+        np.bincount(cells, weight, n_rows * n_columns).reshape(n_rows, n_columns)
+        for weight in (*left.T, None)
     ]
-    sums = np.stack(sums, axis=1).reshape(n_rows, n_columns, 3).astype(np.float32)
-    count = sums[..., 2]
-    means = sums[..., :2] / np.maximum(count, 1)[..., None]
+    count = sums[2].astype(np.float32)
+    means = np.dstack(sums[:2]).astype(np.float32) / np.maximum(count, 1)[..., None]
     y, x = np.mgrid[:n_rows, :n_columns] * CELL + (CELL - 1) / 2
     smooth = _affine_at(np.stack([x, y], axis=2), affine)
     field = fill(means, 0.7 * np.minimum(count, 1)) + smooth.astype(np.float32)

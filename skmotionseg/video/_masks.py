@@ -54,10 +54,11 @@ def dense_masks(
     """Give every pixel of every frame the label of a motion.
 
     A pixel belongs to a motion if its optical flow, to the frames before and after, is
-    that of the motion's tracks around it; if it is at the texture that one of these
-    follows, and not far from all of them; if its colour is one that the motion has
-    there; and if it did in the frame before. A random walker weighs these, and lets
-    masks end where the picture has edges.
+    that of the motion's tracks around it; if it looks as the place does to which these
+    lead in one of those frames; if it is at the texture that one of them follows, and
+    not far from all of them; if its colour is one that the motion has there; and if it
+    did in the frame before. A random walker weighs these, and lets masks end where the
+    picture has edges.
 
     Frames are read one at a time and no more than three are held.
 

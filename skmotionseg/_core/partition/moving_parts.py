@@ -287,7 +287,9 @@ class _Parts:
             if together.mean() >= MOST:
                 taken[region] = True
                 known = np.isfinite(around) & (scene > 0)
-                ratio = np.where(known, scene, 1) / np.where(known, around, 1)
+                ratio = np.where(known, scene, 1) / np.where(known, around, 1).clip(
+                    1e-9
+                )
                 by_ratio = (SLOPE * np.log(ratio / AROUND_RATIO)).clip(*LIMB_ODDS)
                 odds[region[left]] = np.where(known, by_ratio, 0)[left]
         pairs = self._pairs[taken[self._pairs].all(axis=1)]
