@@ -22,8 +22,10 @@ from sklearn.metrics import roc_auc_score
 
 from skmotionseg import MotionSegmenter, datasets
 from skmotionseg._core.labels import groups_of
-from skmotionseg._core.partition import rigid_search, search
+from skmotionseg._core.partition import rigid_search
 from skmotionseg._segmenter.long_clips import LONG_CLIP
+
+from .watching import rigid_searches, true_labels
 
 # Pairs of images and photographs have too few frames in common.
 WITHOUT_WINDOWS = ("two_images", "photographs")
@@ -44,26 +46,18 @@ def pairs_of(X, target):
     list of (float, float, int)
         Gain, log of links over chance, and 1 if the two are apart.
     """
-    kept: list[tuple[rigid_search.RigidSearch, list]] = []
 
     def descend(found, over_segments, *_):
         found.calibrate(over_segments[0])
         paths = found.run(*(found.descent(some, 1) for some in over_segments))
-        steps = [step for path in paths for step in path]
-        kept.append((found, steps))
+        kept.append((found, [step for path in paths for step in path]))
 
-    search.rigid_partitions, before = descend, search.rigid_partitions
-    try:
+    kept: list[tuple[rigid_search.RigidSearch, list]] = []
+    with rigid_searches(descend):
         MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
-    finally:
-        search.rigid_partitions = before
-    labels = {
-        row[np.isfinite(row)].tobytes(): y for row, y in zip(X, target, strict=True)
-    }
     rows = []
     for one, steps in kept:
-        points = one.windows.points
-        mine = np.array([labels[_digest(track)] for track in points])
+        mine = true_labels(one, X, target)
         for step in steps:
             if step.pair is None:
                 continue
@@ -83,10 +77,6 @@ def beginning(X, target):
     X = X[:, : 2 * LONG_CLIP]
     there = np.isfinite(X).sum(axis=1) >= 4
     return X[there], target[there]
-
-
-def _digest(track):
-    return track[np.isfinite(track)].tobytes()
 
 
 def _truth(first, second):

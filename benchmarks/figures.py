@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import report, sensitivity
+from benchmarks import reliability, report, search_gap, sensitivity, two_view_peers
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
 from skmotionseg._commands.paper_runs import FUSIONS, RULES, SUBSETS, summarize_paper
@@ -302,6 +302,9 @@ def pages():
             "unknown": unknown_table,
             "halves": halves_table,
             "sequences": sequence_list,
+            "reliability": reliability.table,
+            "magsac": two_view_peers.table,
+            "gap": search_gap.table,
             "videos": video_table,
             "paper": paper_table,
         },

@@ -18,6 +18,7 @@ from .._segmenter.views import ALL_MODELS
 from .._version import __version__
 from ..datasets import (
     load_adelaide,
+    load_arrigoni,
     load_hopkins12,
     load_hopkins155,
     load_kt3dmoseg,
@@ -38,6 +39,7 @@ LOADERS = {
     **REGION_LOADERS,
     "KT3DMoSeg": load_kt3dmoseg,
     "AdelaideRMF": load_adelaide,
+    "Arrigoni": load_arrigoni,
     **VIDEO_LOADERS,
 }
 

@@ -2,6 +2,7 @@
 
 from ._benchmarks import (
     load_adelaide,
+    load_arrigoni,
     load_hopkins12,
     load_hopkins155,
     load_kt3dmoseg,
@@ -15,6 +16,7 @@ from ._videos import load_bms26, load_davis16
 
 __all__ = [
     "load_adelaide",
+    "load_arrigoni",
     "load_bms26",
     "load_complex_background",
     "load_davis16",

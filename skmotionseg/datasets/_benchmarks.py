@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from sklearn.utils import Bunch
 
 from ._files import load_tracks
@@ -51,7 +52,14 @@ def _read_folder(folder, pattern, suffix):
     sequences = [load_tracks(path) for path in paths]
     for sequence in sequences:
         sequence.name = sequence.name.removesuffix(suffix)
+        sequence.target = _from_zero(sequence.target)
     return sequences
+
+
+def _from_zero(target):
+    """Labels 0, 1, ... of the motions, whatever they were; -1 stays."""
+    numbers = np.unique(target[target >= 0])
+    return np.where(target >= 0, np.searchsorted(numbers, target), -1)
 
 
 def _loader(
@@ -121,6 +129,20 @@ load_adelaide = _loader(
     "       https://doi.org/10.1109/ICCV.2011.6126350",
     "Their authors publish them; those\n"
     "    of fundamental matrices are motions, those of homographies are planes.",
+)
+load_arrigoni = _loader(
+    "load_arrigoni",
+    "photographs of a table, unordered, between which two things are moved",
+    "*.npz",
+    "",
+    "``NAME.npz``, each with ``points`` (n_tracks, n_images, 2),\n"
+    "        ``visibility`` (n_tracks, n_images) and ``labels`` (n_tracks,), -1 for\n"
+    "        tracks that go from one thing to another; mismatches within a thing\n"
+    "        have its label",
+    'F. Arrigoni and T. Pajdla, "Robust Motion Segmentation from Pairwise Matches",\n'
+    "       ICCV 2019.",
+    "Their authors publish matches\n"
+    "    of image pairs; tracks are matches that are linked over all pairs.",
 )
 load_hopkins155 = _loader(
     "load_hopkins155",

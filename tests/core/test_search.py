@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
@@ -11,7 +12,8 @@ from skmotionseg._core.graph.clustering import cluster_graph
 from skmotionseg._core.graph.fusion import kernel_addition
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.cost import Cost, Judge
-from skmotionseg._core.partition.search import _choose, _Clip, _refine
+from skmotionseg._core.partition.rigid_search import Step
+from skmotionseg._core.partition.search import _choose, _Clip, _distinct, _refine
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -73,3 +75,14 @@ def test_refinement_never_raises_the_cost(counts, seed):
     end = _refine(start, clip, np.array(list(counts)), cluster)
     assert clip.judge.cost(end).total <= clip.judge.cost(start).total
     assert misclassification_error(y, end) < misclassification_error(y, start)
+
+
+@pytest.mark.parametrize("larger, smaller", [(0, 2), (2, 0)])
+def test_of_two_similar_motions_the_smaller_may_be_a_part(larger, smaller):
+    sizes = np.full(3, 6)
+    sizes[[larger, smaller]] = 9, 7
+    step = Step(0.0, np.repeat(range(3), sizes), [], (0, 2), np.log(4))
+    expected = np.ones(3)
+    expected[smaller] = 0.8
+    assert_allclose(_distinct(step), expected)
+    assert_allclose(_distinct(Step(0.0, np.zeros(5, dtype=int), [])), [1])

@@ -736,6 +736,7 @@ def test_a_missing_file_is_named(name, tmp_path):
         (datasets.load_hopkins12, r"\*_Tracks.mat"),
         (datasets.load_hopkins155, r"\*/\*_truth.mat"),
         (datasets.load_adelaide, r"\*.mat"),
+        (datasets.load_arrigoni, r"\*.npz"),
     ],
 )
 def test_a_folder_without_sequences_is_named(load, pattern, tmp_path):

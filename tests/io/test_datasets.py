@@ -20,6 +20,7 @@ from sklearn.utils import Bunch
 from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg.datasets import (
     load_adelaide,
+    load_arrigoni,
     load_hopkins12,
     load_hopkins155,
     load_kt3dmoseg,
@@ -605,6 +606,17 @@ def test_adelaide(tmp_path):
     assert unpack_tracks(second.data)[0].shape == (5, 2, 2)
 
 
+def test_photographs(tmp_path):
+    rng = np.random.default_rng(0)
+    points, seen = rng.uniform(0, 600, size=(5, 4, 2)), rng.uniform(size=(5, 4)) < 0.9
+    labels = np.array([1, 2, -1, 2, 1])
+    np.savez(tmp_path / "table.npz", points=points, visibility=seen, labels=labels)
+    (table,) = load_arrigoni(tmp_path)
+    assert table.name == "table"
+    assert_array_equal(table.target, [0, 1, -1, 1, 0])
+    assert_array_equal(unpack_tracks(table.data)[1], seen)
+
+
 @pytest.mark.parametrize(
     "change, message",
     [
@@ -627,6 +639,7 @@ REAL = {
     "MTPV62": (load_mtpv62, 6, "MTPV_data_Boat", {2, 3}),
     "Hopkins12": (load_hopkins12, 4, "oc2R3RCRT", {2, 3}),
     "AdelaideRMF": (load_adelaide, 10, "biscuit", {1, 2, 3, 4}),
+    "Arrigoni": (load_arrigoni, 3, "BAG", {2}),
 }
 
 

@@ -17,17 +17,20 @@ from benchmarks import (
     measuring,
     peers,
     plain,
+    reliability,
     report,
     runner,
     scenes,
+    search_gap,
     sensitivity,
     table,
+    two_view_peers,
 )
 from benchmarks.__main__ import main, sections_of_speed
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry import description_length, epipolar
 from skmotionseg._core.partition import cost
-from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
 
 TINY = {
@@ -169,6 +172,29 @@ def test_dense_tracks_are_judged_where_they_have_labels(clips):
     assert (row["n_tracks"], thinned["n_tracks"]) == (76, 38)
 
 
+def test_right_labels_are_those_that_the_best_assignment_confirms():
+    target = np.array([1, 1, 1, 0, 0, -1, 0])
+    labels = np.array([0, 0, 2, 1, 1, 1, -1])
+    right = reliability.right_labels(target, labels)
+    assert right.tolist() == [True, True, False, True, True, False, False]
+
+
+def test_labels_are_counted_by_their_confidence():
+    confidence = np.array([0.2, 0.92, 0.93, 1.0])
+    rows = reliability.rows_of(confidence, np.array([False, True, False, True]))
+    assert [row["row"] for row in rows] == ["0 to 0.5", "0.9 to 0.95", "0.99 to 1"]
+    assert [row["right"] for row in rows] == [0, 50, 100]
+    assert rows[1]["confidence"] == pytest.approx(92.5)
+
+
+def test_reliability_of_sequences_is_measured_and_drawn(clips, tmp_path):
+    rows = reliability.measure([("clips", clip) for clip in clips], 1, None)
+    n_labels = sum((clip.target >= 0).sum() for clip in clips)
+    assert 0.5 * n_labels < sum(row["n_labels"] for row in rows) <= n_labels
+    reliability.draw(rows, tmp_path / "diagram.png")
+    assert (tmp_path / "diagram.png").read_bytes().startswith(b"\x89PNG")
+
+
 def test_imports_are_timed():
     assert (imports.import_seconds(1) > 0).all()
 
@@ -192,6 +218,42 @@ def test_peers_that_are_missing_are_named_and_not_guessed(clips, monkeypatch):
     assert problem in report.as_table(rows.values(), peers.COLUMNS)
     assert rows["ours, coreg"]["ratio"] == 1
     assert rows["textbook, coreg"]["ratio"] > 0
+
+
+def test_sequential_magsac_takes_one_motion_after_the_other():
+    pytest.importorskip("cv2")
+    pair = make_scene("two_images", n_tracks=300, n_motions=2, random_state=2)
+    points = unpack_tracks(pair.data)[0]
+    labels = two_view_peers.sequential_magsac(points, 2, 1.0, 0)
+    assert set(labels) == {-1, 0, 1}
+    assert misclassification_error(pair.target, labels) < 0.5
+    assert (labels[pair.target < 0] == -1).mean() > (labels == -1).mean()
+    assert (two_view_peers.sequential_magsac(points[:5], 2, 1.0, 0) == -1).all()
+
+
+def test_mismatches_are_a_group_that_peers_must_find():
+    pair = Bunch(target=np.array([0, 0, 1, 1, -1, -1]))
+    assert two_view_peers._error(pair, pair.target) == 0
+    one_kept = np.array([0, 0, 1, 1, 1, -1])
+    assert two_view_peers._error(pair, one_kept) == pytest.approx(1 / 6)
+
+
+def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
+    scene = make_scene("table", n_tracks=60, n_frames=8, outliers=0, random_state=4)
+    more, error = search_gap.gap(Bunch(seed=0, **scene))
+    assert more <= search_gap.TOLERANCE
+    assert error < 0.05
+    few = make_scene("table", n_tracks=30, n_frames=3, n_motions=2, random_state=0)
+    assert search_gap.gap(Bunch(seed=0, **few)) is None
+
+
+def test_search_gaps_are_summed_up():
+    row = search_gap.row_of("all", [(0, 0.01), (-0.2, 0.03), (0.1, 0.4)])
+    assert row["n_scenes"] == 3
+    assert row["closed"] == pytest.approx(200 / 3)
+    assert (row["error_closed"], row["error_open"]) == pytest.approx((2, 40))
+    nothing = search_gap.row_of("none", [])
+    assert nothing["n_scenes"] == 0 and nothing["closed"] is None
 
 
 def test_page_is_rewritten_between_its_marks(tmp_path):

@@ -79,6 +79,7 @@ CONTRACT = {
     },
     datasets: {
         "load_adelaide",
+        "load_arrigoni",
         "load_bms26",
         "load_complex_background",
         "load_davis16",

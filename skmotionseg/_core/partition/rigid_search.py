@@ -543,8 +543,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     return RigidPartitions(steps, chosen)
 
 
-def _rank(step):
-    """Energy per track, and what it costs that two motions are likely one."""
+def rank(step):
+    """What a partition costs: nats per track, more if two motions are likely one."""
     return step.energy / len(step.labels) - NATS_OF_ODDS * min(step.log_odds, 0.0)
 
 
@@ -584,13 +584,13 @@ def _of_number(search, n_motions, paths, candidates, bisect):
 def _best(searches):
     """The best of the steps that are found."""
     found = yield from side_by_side(searches)
-    return min((each for each in found if each is not None), key=_rank, default=None)
+    return min((each for each in found if each is not None), key=rank, default=None)
 
 
 def _step_of(search, settled, accepted):
     """The step of a partition that is settled, if its number of motions is accepted."""
     step = Step(*(yield from settled))
-    return (yield from _with_odds(search, step)) if accepted(step.n_motions) else None
+    return (yield from with_odds(search, step)) if accepted(step.n_motions) else None
 
 
 def _apart_and_split(search, path, n_motions, bisect):
@@ -607,7 +607,7 @@ def _improved(search, best, bisect):
     for _ in range(MOST_CHANGES):
         changed = _splits(search, best, bisect)
         better = yield from _best(_merged(search, some, best) for some in changed)
-        if better is None or not _rank(better) < _rank(best):
+        if better is None or not rank(better) < rank(best):
             break
         best = better
     return best
@@ -619,7 +619,7 @@ def _merged(search, labels, best):
     if step.n_motions == best.n_motions and (
         step.energy < best.energy or best.log_odds < 0
     ):
-        return (yield from _with_odds(search, step))
+        return (yield from with_odds(search, step))
     return None
 
 
@@ -637,8 +637,8 @@ def _splits(search, step, bisect):
     yield from search.unexplained(step.labels, step.motions)
 
 
-def _with_odds(search, step):
-    """A partition with the two groups that are least apart."""
+def with_odds(search, step):
+    """Search for the two groups of a step that are least apart: the step with them."""
     if step.n_motions == 1:
         return step
     (i, j), least = yield from search.least_apart(step.labels, step.motions)

@@ -8,6 +8,7 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import expit
 
 from ..geometry.description_length import clip_geometry
 from ..geometry.windows import FEWEST_SEEN, Windows
@@ -74,6 +75,9 @@ class PartitionSearch:
     outliers : ndarray of bool, shape (n,), optional
         Tracks that have no motion in the chosen partition, though they have a label;
         None if the explanation tells them.
+    distinct : ndarray of shape (n_motions,), optional
+        Probability of each motion of the chosen partition of not being part of a
+        larger one, where the number of motions was open; None if nothing is known.
     """
 
     counts: np.ndarray
@@ -88,6 +92,7 @@ class PartitionSearch:
     cost_weights: tuple[float, float] = COST_WEIGHTS
     cost_tolerance: float = 1e-9
     outliers: np.ndarray | None = None
+    distinct: np.ndarray | None = None
 
 
 def search_partitions(
@@ -153,7 +158,7 @@ def search_partitions(
 
 def _of_all_tracks(found, clip, connected, n_tracks, explanation):
     """What was found in the tracks that are connected, for all tracks."""
-    best = found.best
+    best, (names, weights) = found.best, found.costs
     labels = {count: best[count][1] for count in sorted(best)}
     shares = own_shares(clip.sparse[-1], labels[found.chosen])
     return PartitionSearch(
@@ -165,7 +170,9 @@ def _of_all_tracks(found, clip, connected, n_tracks, explanation):
         explanation,
         np.array([found.gainless.get(count, (-1, -1)) for count in labels]),
         np.array([found.log_odds.get(count, np.nan) for count in labels]),
-        *found.costs,
+        names,
+        weights,
+        distinct=found.distinct,
     )
 
 
@@ -212,6 +219,8 @@ class _Found(NamedTuple):
         Names of the terms of a cost, and their weights.
     rigid : (Windows, list of RigidMotion) or None
         The rigid motions of the chosen partition, where these were compared.
+    distinct : ndarray of shape (n_motions,) or None
+        As in :class:`PartitionSearch`.
     """
 
     best: dict[int, tuple[Cost, np.ndarray]]
@@ -220,6 +229,7 @@ class _Found(NamedTuple):
     log_odds: dict[int, float]
     costs: tuple = (COST_NAMES, COST_WEIGHTS)
     rigid: tuple | None = None
+    distinct: np.ndarray | None = None
 
 
 def _by_frame_pairs(clip, counts, cluster):
@@ -277,8 +287,20 @@ def _rigid_costs(search, found):
             if count > found.chosen:
                 gainless[count] = step.pair
     costs = ("links to other motions", "nats per track"), (NATS_OF_LINKS, 1.0)
-    rigid = search.windows, found.steps[found.chosen].motions
-    return _Found(best, found.chosen, gainless, log_odds, costs, rigid)
+    step = found.steps[found.chosen]
+    rigid = search.windows, step.motions
+    distinct = _distinct(step) if len(found.steps) > 1 else None
+    return _Found(best, found.chosen, gainless, log_odds, costs, rigid, distinct)
+
+
+def _distinct(step):
+    """How likely each motion of a step is not part of a larger one: (n_motions,)."""
+    probabilities = np.ones(step.n_motions)
+    if step.pair is not None:
+        pair = np.array(step.pair)
+        smaller = pair[np.bincount(step.labels)[pair].argmin()]
+        probabilities[smaller] = expit(step.log_odds)
+    return probabilities
 
 
 def count_probabilities(counts, log_odds):
@@ -300,7 +322,7 @@ def count_probabilities(counts, log_odds):
     """
     if len(counts) == 1:
         return np.ones(1)
-    apart = 1 / (1 + np.exp(-np.clip(log_odds, -700, 700)))
+    apart = expit(log_odds)
     apart[0] = 1
     if np.isnan(apart).any():
         return np.full(len(counts), np.nan)

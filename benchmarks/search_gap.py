@@ -1,0 +1,155 @@
+"""Whether the search finds partitions as good as the truth, on simulated scenes.
+
+    python -m benchmarks.search_gap --scenes 4 [--half report] [--json FILE]
+
+The number of motions is given. What the search minimises is computed for the partition
+that it found and for the true one, from which tracks are assigned and motions fitted
+again until nothing gets better; outliers, which have no true motion, begin in the
+largest. The gap is closed where what was found costs no more. An error where it is
+closed is one of the judge: another partition than the truth costs less.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from skmotionseg import MotionSegmenter
+from skmotionseg._core.geometry.windows import FEWEST_TRACKS
+from skmotionseg._core.partition.rigid_search import ROUNDS, Step, rank, with_odds
+from skmotionseg.datasets import scene_families
+from skmotionseg.metrics import misclassification_error
+
+from . import report
+from .measuring import show_progress
+from .scenes_bench import HALVES, scenes_of
+from .watching import rigid_searches, true_labels
+
+# Their partitions are not compared by rigid motion over windows.
+WITHOUT_WINDOWS = ("one_motion", "photographs", "two_images")
+TOLERANCE = 1e-6  # nats per track
+COLUMNS = {
+    "family": lambda row: row["row"],
+    "scenes": lambda row: str(row["n_scenes"]),
+    "gap closed %": report.number("closed", "{:.0f}"),
+    "error %": report.number("error"),
+    "where closed": report.number("error_closed"),
+    "where open": report.number("error_open"),
+}
+
+
+def gap(scene):
+    """By how much what was found costs more than the truth, and its error.
+
+    Parameters
+    ----------
+    scene : Bunch
+
+    Returns
+    -------
+    (float, float) or None
+        Nats per track, negative where the truth costs more; share of the tracks. None
+        where no rigid motions are searched, or a true one has too few tracks.
+    """
+    with rigid_searches() as searches, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        segmenter = MotionSegmenter(scene.n_motions, random_state=scene.seed)
+        labels = segmenter.fit_predict(scene.data)
+    if len(searches) != 1 or searches[0][1] is None:
+        return None
+    ((search, found),) = searches
+    truth = np.maximum(true_labels(search, scene.data, scene.target), 0)
+    if np.bincount(truth, minlength=scene.n_motions).min() < FEWEST_TRACKS:
+        return None
+    (best,) = search.run(_from_truth(search, truth))
+    error = misclassification_error(scene.target, labels)
+    return rank(found.steps[found.chosen]) - rank(best), error
+
+
+def _from_truth(search, truth):
+    """The step of the true partition, settled."""
+    settled = yield from search.settled(truth, rounds=ROUNDS)
+    return (yield from with_odds(search, Step(*settled)))
+
+
+def row_of(name, gaps):
+    """Figures of some scenes.
+
+    Parameters
+    ----------
+    name : str
+    gaps : list of (float, float)
+        As from :func:`gap`.
+
+    Returns
+    -------
+    row : dict
+        In percent.
+    """
+    gaps, errors = 100 * np.array(gaps, dtype=float).reshape(-1, 2).T
+    closed = gaps <= 100 * TOLERANCE
+    row = {"row": name, "n_scenes": len(gaps)}
+    for key, values in (
+        ("closed", 100 * closed),
+        ("error", errors),
+        ("error_closed", errors[closed]),
+        ("error_open", errors[~closed]),
+    ):
+        row[key] = float(values.mean()) if len(values) else None
+    return row
+
+
+def measure(families, n_scenes, half, n_jobs=None):
+    """A row per family, and one for all scenes.
+
+    Parameters
+    ----------
+    families : sequence of str
+    n_scenes : int
+        Per family.
+    half : {"tune", "report"}
+    n_jobs : int, optional
+
+    Returns
+    -------
+    list of dict
+    """
+    rows, everything = [], []
+    with Parallel(n_jobs=n_jobs) as parallel:
+        for family in families:
+            show_progress(f"search gap: {family}")
+            scenes = islice(scenes_of(family, half), n_scenes)
+            found = parallel(delayed(gap)(scene) for scene in scenes)
+            gaps = [each for each in found if each is not None]
+            rows.append(row_of(family, gaps))
+            everything += gaps
+    show_progress("")
+    return [*rows, row_of("all", everything)]
+
+
+def table(record):
+    """What is stored, as a Markdown table."""
+    return report.as_table(record.get("search_gap", ()), COLUMNS)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    choices = [name for name in scene_families() if name not in WITHOUT_WINDOWS]
+    parser.add_argument("--scenes", type=int, default=4, help="per family")
+    parser.add_argument("--half", choices=tuple(HALVES), default="report")
+    parser.add_argument("--families", nargs="+", choices=choices, default=choices)
+    parser.add_argument("--jobs", type=int)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    rows = measure(arguments.families, arguments.scenes, arguments.half, arguments.jobs)
+    report.show(rows, COLUMNS)
+    report.save(arguments.json, "search_gap", rows)
+
+
+if __name__ == "__main__":
+    main()

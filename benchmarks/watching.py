@@ -1,0 +1,57 @@
+"""What happens inside of a fit: its searches among rigid motions, and their tracks."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from unittest.mock import patch
+
+import numpy as np
+
+from skmotionseg._core.partition import search
+
+
+@contextmanager
+def rigid_searches(instead=None):
+    """Keep the rigid searches of fits that are made within the context.
+
+    Parameters
+    ----------
+    instead : callable, optional
+        Called instead of ``rigid_partitions``, with its arguments.
+
+    Yields
+    ------
+    list of (RigidSearch, RigidPartitions or None)
+        One per search, and what was returned.
+    """
+    kept = []
+    call = search.rigid_partitions if instead is None else instead
+
+    def watched(found, *arguments):
+        result = call(found, *arguments)
+        kept.append((found, result))
+        return result
+
+    with patch.object(search, "rigid_partitions", watched):
+        yield kept
+
+
+def true_labels(found, X, target):
+    """True labels of the tracks that a rigid search has.
+
+    Parameters
+    ----------
+    found : RigidSearch
+    X : ndarray of shape (n_tracks, 2 * n_frames)
+    target : ndarray of int, shape (n_tracks,)
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+    """
+    labels = {_seen(row): y for row, y in zip(X, target, strict=True)}
+    return np.array([labels[_seen(track)] for track in found.windows.points])
+
+
+def _seen(track):
+    return track[np.isfinite(track)].tobytes()
