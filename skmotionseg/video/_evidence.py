@@ -13,6 +13,10 @@ CELL = 8
 FLOW_NOISE, FLOW_SHARE, FIELD_DRIFT = 0.3, 0.05, 0.02
 # Gradient, grey levels per pixel, at which optical flow is half believed.
 FLOW_TEXTURE = 2.0
+# Standard deviation of grey values from frame to frame; side of the window, pixels, in
+# which pictures are compared; squared deviations from which on they are all the same;
+# and how many pixels a window is worth, as neighbours repeat each other.
+GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 8.0
 # Side of the window, pixels, whose texture a track is taken to follow: somewhat more
 # than that of the tracker, as what is begun by dense optical flow follows more.
 TRACK_WINDOW = 15
@@ -22,13 +26,22 @@ NEAR, REACH = 24.0, 6.0
 # Side of the cells of a colour grid: pixels, and levels of the CIELAB channels.
 COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
 # The most, in nats, that one kind of evidence may speak against a motion.
-MOST_FLOW, MOST_DISTANCE, MOST_COLOUR = 4.0, 4.0, 3.0
+MOST_FLOW, MOST_DISTANCE, MOST_COLOUR, MOST_LOOK = 4.0, 4.0, 3.0, 4.0
+
+
+def pixels(shape):
+    """Columns (1, width) and rows (height, 1) of a picture's pixels, float32."""
+    height, width = shape[:2]
+    return (
+        np.arange(width, dtype=np.float32)[None],
+        np.arange(height, dtype=np.float32)[:, None],
+    )
 
 
 def warp(values, flow):
     """Values (height, width) or (height, width, n) of where the flow leads."""
     cv2 = require("cv2", extra="video")
-    y, x = np.mgrid[: flow.shape[0], : flow.shape[1]].astype(np.float32)
+    x, y = pixels(flow.shape)
     return cv2.remap(
         values,
         x + flow[..., 0],
@@ -68,23 +81,43 @@ def texture_trust(energy):
 # ------------------------------------------------------------------------------- flow
 
 
-def flow_evidence(flow, trust, points, steps, labels, n_labels):
+def motion_fields(points, steps, labels, n_labels, shape):
+    """Fields of motions: :func:`motion_field` of each, None where tracks are few.
+
+    Parameters
+    ----------
+    points, steps : ndarray of shape (n, 2)
+        Tracks, and how far they move from one frame to another; pixels.
+    labels : ndarray of int, shape (n,)
+        Their motions, 0 to ``n_labels - 1``.
+    n_labels : int
+    shape : tuple of int
+        (height, width)
+
+    Returns
+    -------
+    list of (field, distance) or None
+    """
+    groups = (labels == label for label in range(n_labels))
+    return [
+        motion_field(points[rows], steps[rows], shape) if rows.sum() >= 3 else None
+        for rows in groups
+    ]
+
+
+def flow_evidence(flow, trust, fields):
     """Log-likelihood of the flow at each pixel under each motion, relative to the best.
 
-    A motion's field is an affine one, fitted robustly to its tracks, and what it leaves
-    of them, averaged in cells and filled in between. The flow is normal about the
-    field of the motion it belongs to, more widely where no track of it is near.
+    The flow is normal about the field of the motion it belongs to, more widely where no
+    track of it is near.
 
     Parameters
     ----------
     flow : ndarray of float32, shape (height, width, 2)
     trust : ndarray of float32, shape (height, width)
         How far to believe it: 0 to 1.
-    points, steps : ndarray of shape (n, 2)
-        Tracks, and how far they move between the frames of the flow; pixels.
-    labels : ndarray of int, shape (n,)
-        Their motions, 0 to ``n_labels - 1``.
-    n_labels : int
+    fields : list of (field, distance) or None
+        As of :func:`motion_fields`.
 
     Returns
     -------
@@ -93,19 +126,56 @@ def flow_evidence(flow, trust, points, steps, labels, n_labels):
     """
     middle = np.median(flow, axis=(0, 1))
     noise = FLOW_NOISE + FLOW_SHARE * np.hypot(*np.moveaxis(flow - middle, 2, 0))
-    logs = np.full((n_labels, *flow.shape[:2]), -50, dtype=np.float32)
-    for label in range(n_labels):
-        rows = labels == label
-        if rows.sum() >= 3:
-            field, distance = motion_field(points[rows], steps[rows], flow.shape[:2])
+    logs = np.full((len(fields), *flow.shape[:2]), -50, dtype=np.float32)
+    for label, known in enumerate(fields):
+        if known is not None:
+            field, distance = known
             variance = noise**2 + (FIELD_DRIFT * distance) ** 2
             misses = squared_length(flow - field)
             logs[label] = -misses / (2 * variance) - np.log(variance) / 2
     return np.maximum(logs - logs.max(axis=0), -MOST_FLOW) * trust
 
 
+def appearance(grey, other, energy, fields):
+    """Log-likelihood of a picture under each motion, given another of the same video.
+
+    Where a motion carries the other picture to this one, grey values agree, but for
+    noise and for gradients times what the motion's field may be wrong by. Unlike
+    optical flow, which is smooth, this says something of pixels next to an outline.
+
+    Parameters
+    ----------
+    grey, other : ndarray of float32, shape (height, width)
+        The picture and that to which the fields lead.
+    energy : ndarray of float32, shape (height, width)
+        As of :func:`gradient_energy`, of the picture.
+    fields : list of (field, distance) or None
+        As of :func:`motion_fields`.
+
+    Returns
+    -------
+    ndarray of float32, shape (n_labels, height, width)
+        Mean per pixel over a small window; up to a constant.
+    """
+    cv2 = require("cv2", extra="video")
+    logs = np.empty((len(fields), *grey.shape), dtype=np.float32)
+    for label, known in enumerate(fields):
+        variance, misses = GREY_NOISE**2 + FLOW_NOISE**2 * energy, MOST_MISS
+        if known is not None:
+            field, distance = known
+            variance = variance + (FIELD_DRIFT * distance) ** 2 * energy
+            squares = np.square(grey - warp(other, field))
+            misses = np.minimum(squares / variance, MOST_MISS)
+        each = -(misses + np.log(variance)) / 2
+        logs[label] = cv2.boxFilter(each, -1, (LOOK, LOOK))
+    return logs
+
+
 def motion_field(points, steps, shape):
     """Displacements of a motion over the picture, from those of its tracks.
+
+    It is an affine one, fitted robustly, and what that leaves of the tracks, averaged
+    in cells and filled in between.
 
     Parameters
     ----------
@@ -125,10 +195,13 @@ def motion_field(points, steps, shape):
     left = steps - _affine_at(points, affine)
     column, row = (points // CELL).astype(int).T
     row, column = row.clip(0, n_rows - 1), column.clip(0, n_columns - 1)
-    sums = np.zeros((n_rows, n_columns, 3), dtype=np.float32)
-    np.add.at(sums, (row, column), np.column_stack([left, np.ones(len(left))]))
-    count = sums[..., 2]
-    means = sums[..., :2] / np.maximum(count, 1)[..., None]
+    cells = row * n_columns + column
+    sums = [
+        np.bincount(cells, weight, n_rows * n_columns).reshape(n_rows, n_columns)
+        for weight in (*left.T, None)
+    ]
+    count = sums[2].astype(np.float32)
+    means = np.dstack(sums[:2]).astype(np.float32) / np.maximum(count, 1)[..., None]
     y, x = np.mgrid[:n_rows, :n_columns] * CELL + (CELL - 1) / 2
     smooth = _affine_at(np.stack([x, y], axis=2), affine)
     field = fill(means, 0.7 * np.minimum(count, 1)) + smooth.astype(np.float32)
@@ -213,7 +286,7 @@ def texture_centres(energy):
     cv2 = require("cv2", extra="video")
     r = TRACK_WINDOW // 2  # the picture goes on beyond its edges, lest these pull
     energy = cv2.copyMakeBorder(energy + 1e-2, r, r, r, r, cv2.BORDER_REFLECT_101)
-    y, x = np.mgrid[: energy.shape[0], : energy.shape[1]].astype(np.float32)
+    x, y = pixels(energy.shape)
 
     def total(values):
         return cv2.boxFilter(values, -1, (TRACK_WINDOW, TRACK_WINDOW))
@@ -322,12 +395,25 @@ class ColourGrid:
         counts = np.stack(
             [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in probabilities]
         ).astype(np.float32)
-        counts = _smoothed(counts.reshape(-1, *self._shape))
+        counts = counts.reshape(-1, *self._shape)
+        filled = self._filled(counts)
+        counts[filled] = _smoothed(counts[filled])
         found = counts.reshape(len(probabilities), -1)[:, cells]
         total = found.sum(axis=0)
         logs = np.log(found / (total + 1e-6) + 0.02)
         logs = np.maximum(logs - logs.max(axis=0), -MOST_COLOUR)
         return logs * np.minimum(total / 5, 1)
+
+    def _filled(self, counts):
+        """Slices of counts (n, ...) outside which they are, and stay, 0.
+
+        A picture has few of the colours that there are.
+        """
+        places = np.unravel_index(np.flatnonzero(counts.any(axis=0)), counts.shape[1:])
+        return (
+            slice(None),
+            *(slice(max(at.min() - 1, 0), at.max() + 2) for at in places),
+        )
 
 
 def _smoothed(counts):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, map_coordinates, median_filter
 from scipy.spatial import KDTree
 
@@ -182,7 +183,12 @@ def _median_around(values):
     if min(values.shape) <= margin:
         return median_filter(values, AROUND)
     padded = np.pad(values, margin, mode="reflect", reflect_type="odd")
-    return median_filter(padded, AROUND)[margin:-margin, margin:-margin]
+    # All windows of a row of cells at once: several times as quick as median_filter,
+    # which takes cell by cell.
+    windows = sliding_window_view(padded, (AROUND, AROUND))
+    middle = AROUND**2 // 2
+    rows = (row.reshape(-1, AROUND**2) for row in windows)
+    return np.stack([np.partition(row, middle, axis=1)[:, middle] for row in rows])
 
 
 def is_inside(points, shape):

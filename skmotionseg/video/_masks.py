@@ -14,11 +14,15 @@ from .._utils.optional import require
 from .._utils.validation import check_label_each
 from ._checks import check_number, make_reporter
 from ._evidence import (
+    LOOK_WORTH,
+    MOST_LOOK,
     ColourGrid,
+    appearance,
     distance_evidence,
     flow_agreement,
     flow_evidence,
     gradient_energy,
+    motion_fields,
     texture_centres,
     texture_trust,
     track_counts,
@@ -50,10 +54,11 @@ def dense_masks(
     """Give every pixel of every frame the label of a motion.
 
     A pixel belongs to a motion if its optical flow, to the frames before and after, is
-    that of the motion's tracks around it; if it is at the texture that one of these
-    follows, and not far from all of them; if its colour is one that the motion has
-    there; and if it did in the frame before. A random walker weighs these, and lets
-    masks end where the picture has edges.
+    that of the motion's tracks around it; if it looks as the place does to which these
+    lead in one of those frames; if it is at the texture that one of them follows, and
+    not far from all of them; if its colour is one that the motion has there; and if it
+    did in the frame before. A random walker weighs these, and lets masks end where the
+    picture has edges.
 
     Frames are read one at a time and no more than three are held.
 
@@ -140,7 +145,14 @@ class _View:
 
     def __init__(self, picture, grey):
         self.picture, self.grey = picture, grey
-        self.ahead = self.back = None
+        self.ahead = self.back = self.following = None
+        self.ahead_trust = self.back_trust = None
+
+    def set_flow(self, ahead, back):
+        """The flow to and from the frame after it, and how far to believe it."""
+        self.ahead, self.back = ahead, back
+        self.ahead_trust = flow_agreement(ahead, back)
+        self.back_trust = flow_agreement(back, ahead)
 
 
 class _Painter:
@@ -192,8 +204,11 @@ class _Painter:
         walk : ndarray of float32, shape (n, height, width)
         """
         if following is not None:
-            view.ahead = self._flow.calc(view.grey, following.grey, None)
-            view.back = self._flow.calc(following.grey, view.grey, None)
+            view.following = following.grey
+            view.set_flow(
+                self._flow.calc(view.grey, following.grey, None),
+                self._flow.calc(following.grey, view.grey, None),
+            )
         if self._grid is None:
             self._grid = ColourGrid(view.grey.shape)
         seen = np.flatnonzero(self._visibility[:, number])
@@ -210,9 +225,10 @@ class _Painter:
 
     def _present(self, seen):
         """Labels (n,) with tracks that are seen, or pixels in the last frame."""
-        known = [self._labels[seen]]
+        known = [np.flatnonzero(np.bincount(self._labels[seen]))]
         if self._last is not None:
-            known.append(self._last_present[np.unique(self._last_walk.argmax(axis=0))])
+            best = self._last_walk.argmax(axis=0).ravel()
+            known.append(self._last_present[np.flatnonzero(np.bincount(best))])
         present = np.unique(np.concatenate(known))
         return present if len(present) else np.zeros(1, dtype=int)
 
@@ -228,27 +244,33 @@ class _Painter:
         return (self._points[rows, number] + 0.5) * self._scale - 0.5
 
     def _flow_evidence(self, view, number, labels, n_labels, energy):
-        """Mean over the flows to the frames after and before."""
+        """By the flows to the frames after and before, and by how these look there.
+
+        Flow counts as the mean of both; a picture is explained by a motion if it is
+        from one of both, as what is hidden in one can mostly be seen in the other.
+        """
         pairs = []
         if view.ahead is not None:
-            pairs.append((view.ahead, view.back, number + 1))
+            pairs.append((view.ahead, view.ahead_trust, view.following, number + 1))
         if self._last is not None:
-            pairs.append((self._last.back, self._last.ahead, number - 1))
+            last = self._last
+            pairs.append((last.back, last.back_trust, last.grey, number - 1))
         logs = np.zeros((n_labels, *view.grey.shape), dtype=np.float32)
-        trust = texture_trust(energy)
-        for flow, back, other in pairs:
+        looks = np.full_like(logs, -np.inf)
+        trust, grey = texture_trust(energy), view.grey.astype(np.float32)
+        for flow, agreement, other_grey, other in pairs:
             rows = np.flatnonzero(
                 self._visibility[:, number] & self._visibility[:, other]
             )
             points = self._place(rows, number)
-            logs += flow_evidence(
-                flow,
-                trust * flow_agreement(flow, back),
-                points,
-                self._place(rows, other) - points,
-                labels[rows],
-                n_labels,
-            ) / len(pairs)
+            steps = self._place(rows, other) - points
+            fields = motion_fields(points, steps, labels[rows], n_labels, grey.shape)
+            logs += flow_evidence(flow, trust * agreement, fields) / len(pairs)
+            other_grey = other_grey.astype(np.float32)
+            looks = np.maximum(looks, appearance(grey, other_grey, energy, fields))
+        if pairs:
+            looks = LOOK_WORTH * (looks - looks.max(axis=0))
+            logs += np.maximum(looks, -MOST_LOOK)
         return logs
 
     def _decide(self, view, logs, counts, present):
@@ -268,8 +290,7 @@ class _Painter:
         known = self._of_last(present)
         past = np.stack([warp(part, flow) for part in known])
         odds = np.log(past + 0.03)
-        trust = flow_agreement(flow, last.ahead)
-        logs = logs + trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
+        logs = logs + last.back_trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)
         logs += COLOUR_WEIGHT * self._grid.evidence(moved, known, cells)
         return random_walk(_drawn(logs) + seeds, across, down, past)
@@ -299,12 +320,14 @@ def _enlarged(walk, frame):
 
     grey_mean = mean(grey)
     spread = mean(grey * grey) - grey_mean**2 + 1e-3
-    best, best_value = np.zeros((height, width), int), np.full((height, width), -np.inf)
-    for label, part in enumerate(walk):
+    best = np.zeros((height, width), int)
+    left, best_value = 1.0, -np.inf  # the last label has what the others leave
+    for label, part in enumerate(walk[:-1]):
         part = cv2.resize(part, (width, height))
         part_mean = mean(part)
         slope = (mean(grey * part) - grey_mean * part_mean) / spread
         value = mean(slope) * grey + mean(part_mean - slope * grey_mean)
         best[value > best_value] = label
-        best_value = np.maximum(best_value, value)
+        best_value, left = np.maximum(best_value, value), left - value
+    best[left > best_value] = len(walk) - 1
     return best

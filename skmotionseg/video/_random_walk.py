@@ -10,6 +10,9 @@ from ._evidence import squared_length
 # Steps of conjugate gradients at most, and the residual, relative to that of zero, at
 # which they stop: from the last frame's solution, a dozen suffice.
 MAX_STEPS, TOLERANCE = 40, 2e-3
+# Share of a pixel below which a label need not be looked for there, and pixels around
+# all others within which it is.
+NEGLIGIBLE, AROUND = 0.02, 24
 
 
 def edge_weights(picture, strength, floor):
@@ -74,49 +77,65 @@ def random_walk(evidence, across, down, start):
     degree[:-1] += down
     degree[1:] += down
     degree += 1e-6
-    # All but the first label: what is left is the first's.
-    solved = _conjugate_gradients(evidence[1:], start[1:], degree, across, down)
-    walk = np.concatenate([1 - solved.sum(axis=0, keepdims=True), solved]).clip(0, 1)
+    # All but the label that has most: this has what the others leave.
+    shares = evidence / (evidence.sum(axis=0) + 1e-9)
+    most = int(shares.sum(axis=(1, 2)).argmax())
+    walk = np.zeros_like(evidence)
+    for label in range(len(evidence)):
+        window = _window(np.maximum(shares[label], start[label]) > NEGLIGIBLE)
+        if label == most or window is None:
+            continue
+        rows, columns = window
+        walk[label, rows, columns] = _conjugate_gradients(
+            evidence[label, rows, columns],
+            start[label, rows, columns],
+            degree[rows, columns],
+            across[rows, columns.start : columns.stop - 1],
+            down[rows.start : rows.stop - 1, columns],
+        )
+    walk[most] = 1 - walk.sum(axis=0)
+    walk = walk.clip(0, 1)
     return walk / walk.sum(axis=0)
 
 
+def _window(mask):
+    """Slices (rows, columns) of what is around some pixels; None without any."""
+    if not mask.any():
+        return None
+    ends = [np.flatnonzero(mask.any(axis=axis))[[0, -1]] for axis in (1, 0)]
+    return tuple(
+        slice(max(first - AROUND, 0), min(last + AROUND + 1, n))
+        for (first, last), n in zip(ends, mask.shape, strict=True)
+    )
+
+
 def _conjugate_gradients(target, start, degree, across, down):
-    solution = start.astype(np.float32)
+    """Solution (height, width) with this target, 0 around."""
+    solution = start.copy()
     residual = target - _laplacian(solution, degree, across, down)
     scaled = residual / degree
     step = scaled.copy()
-    size = _products(residual, scaled)
-    small = TOLERANCE**2 * _products(target, target / degree) + 1e-12
+    size = np.vdot(residual, scaled)
+    small = TOLERANCE**2 * np.vdot(target, target / degree) + 1e-12
     for _ in range(MAX_STEPS):
-        if (size < small).all():
+        if size < small:
             break
         moved = _laplacian(step, degree, across, down)
-        length = (size / (_products(step, moved) + 1e-20))[:, None, None]
+        length = size / (np.vdot(step, moved) + 1e-20)
         solution += length * step
         residual -= length * moved
         scaled = residual / degree
-        size, last = _products(residual, scaled), size
-        step *= (size / (last + 1e-20))[:, None, None]
+        size, last = np.vdot(residual, scaled), size
+        step *= size / (last + 1e-20)
         step += scaled
     return solution
 
 
 def _laplacian(values, degree, across, down):
-    """Degree times values, less the weighted neighbours, for stacks of pictures.
-
-    One picture at a time, which stays in the processor's cache.
-    """
-    result = np.empty_like(values)
-    wide, high = np.empty_like(across), np.empty_like(down)
-    for value, out in zip(values, result, strict=True):
-        np.multiply(degree, value, out=out)
-        out[:, :-1] -= np.multiply(across, value[:, 1:], out=wide)
-        out[:, 1:] -= np.multiply(across, value[:, :-1], out=wide)
-        out[:-1] -= np.multiply(down, value[1:], out=high)
-        out[1:] -= np.multiply(down, value[:-1], out=high)
+    """Degree times values, less the weighted neighbours."""
+    result = degree * values
+    result[:, :-1] -= across * values[:, 1:]
+    result[:, 1:] -= across * values[:, :-1]
+    result[:-1] -= down * values[1:]
+    result[1:] -= down * values[:-1]
     return result
-
-
-def _products(first, second):
-    """Inner product of each pair of pictures: (n,)."""
-    return np.einsum("mhw,mhw->m", first, second)

@@ -16,6 +16,7 @@ from skmotionseg._utils.png import davis_palette, encode_grey, encode_labels
 from skmotionseg.cli import main
 from skmotionseg.metrics import boundary_f_measure, region_similarity
 from skmotionseg.video import (
+    _random_walk,
     dense_masks,
     find_objects,
     prompt_points,
@@ -26,11 +27,13 @@ from skmotionseg.video._evidence import (
     NEAR,
     REACH,
     ColourGrid,
+    appearance,
     distance_evidence,
     fill,
     fit_affine,
     gradient_energy,
     motion_field,
+    motion_fields,
     texture_centres,
 )
 from skmotionseg.video._grid import sample_field
@@ -216,6 +219,22 @@ def test_a_random_walk_solves_its_linear_system():
     np.testing.assert_allclose(walk.sum(axis=0), 1, atol=1e-5)
 
 
+def test_a_random_walk_is_solved_where_a_label_may_be(monkeypatch):
+    """Leaving out the rest of the picture changes hardly anything."""
+    evidence = np.zeros((3, 120, 160), np.float32)
+    evidence[1, 30:60, 20:70], evidence[2, 80:90, 120:140] = 0.15, 0.15
+    evidence[0] = 0.15 - evidence[1:].sum(axis=0)
+    across, down = np.full((120, 159), 10.0), np.full((119, 160), 10.0)
+    ties = across.astype(np.float32), down.astype(np.float32)
+    start = np.zeros_like(evidence)
+    walk = random_walk(evidence, *ties, start)
+    monkeypatch.setattr(_random_walk, "NEGLIGIBLE", -1.0)
+    whole = random_walk(evidence, *ties, start)
+    assert walk[1, :, 100:].max() == 0 and walk[2, :, :90].max() == 0
+    np.testing.assert_allclose(walk, whole, atol=0.03)
+    assert (walk.argmax(axis=0) == whole.argmax(axis=0)).mean() > 0.999
+
+
 def test_edges_tie_less():
     picture = np.zeros((8, 10, 3), np.uint8)
     picture[:, 5:] = 200
@@ -269,6 +288,24 @@ def test_a_motion_field_is_that_of_its_tracks():
     steps[:12] += 30  # outliers
     matrix = [[0.02, 0.01], [-0.01, 0.02], [3, -1]]
     np.testing.assert_allclose(fit_affine(points, steps), matrix, atol=0.05)
+
+
+def test_a_picture_is_explained_by_the_motion_that_carries_it():
+    """To another picture; where it is plain, by any."""
+    picture = cv2.cvtColor(textured(0, (HEIGHT, WIDTH + 3)), cv2.COLOR_BGR2GRAY)
+    picture[:60] = 90
+    grey, other = picture[:, 3:].astype(np.float32), picture[:, :-3].astype(np.float32)
+    points = np.random.default_rng(0).uniform([0, 0], [WIDTH, HEIGHT], (200, 2))
+    labels = np.arange(200) % 2
+    steps = np.column_stack([3.0 * labels, np.zeros(200)])
+    fields = motion_fields(points, steps, labels, 3, grey.shape)
+    assert fields[2] is None
+    logs = appearance(grey, other, gradient_energy(grey), fields)
+    textured_part, plain_part = np.s_[:, 64:, 8:-8], np.s_[:2, :52, 8:-8]
+    still, moved, unknown = logs[textured_part]
+    assert (moved > still).mean() > 0.97 and np.median(moved - still) > 1
+    assert (moved > unknown).all()
+    assert np.ptp(logs[plain_part], axis=0).max() < 0.01
 
 
 def test_colours_tell_motions_apart_where_they_are():

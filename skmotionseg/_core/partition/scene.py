@@ -124,7 +124,8 @@ def moving_objects(points, visibility, labels, background):
     """
     static = labels == background
     windows = _windows(points.shape[1])
-    moved, noise = _movements(points, visibility, static, windows)
+    judged = ~static | (labels < 0)
+    moved, noise = _movements(points, visibility, static, judged, windows)
     parts = _parts(points, visibility, labels, static, windows, moved, noise)
     n_parts = int(parts.max(initial=-1)) + 1
     objects = np.where(static, 0, -1)
@@ -148,13 +149,23 @@ def _windows(n_frames):
     return [(start, start + length) for start in starts] if length else []
 
 
-def _movements(points, visibility, static, windows):
+def _movements(points, visibility, static, judged, windows):
     """Displacement of each track against the scene around it, window by window.
+
+    Parameters
+    ----------
+    points, visibility
+        Of all tracks.
+    static : ndarray of bool, shape (n_tracks,)
+        Tracks of the scene.
+    judged : ndarray of bool, shape (n_tracks,)
+        Tracks whose displacement is asked for.
+    windows : list of (first, last)
 
     Returns
     -------
     moved : ndarray of shape (n_tracks, n_windows, 2)
-        NaN where a track or the scene is not seen.
+        NaN where a track is not judged, or it or the scene is not seen.
     noise : ndarray of shape (n_tracks, n_windows)
     """
     moved = np.full((len(points), len(windows), 2), np.nan)
@@ -162,7 +173,7 @@ def _movements(points, visibility, static, windows):
     for number, (first, last) in enumerate(windows):
         seen = visibility[:, first] & visibility[:, last]
         scene = np.flatnonzero(seen & static)
-        rows = np.flatnonzero(seen)
+        rows = np.flatnonzero(seen & judged)
         if len(scene) < 3 or len(rows) == 0:
             continue
         steps = points[:, last] - points[:, first]

@@ -168,13 +168,32 @@ def _dot(first, second):
 
 def _weighted_solution(products, sides, weights):
     """Solutions (n, 3) of normal equations whose observations have weights (n, L)."""
-    normal = np.empty((len(weights), 3, 3))
-    for (i, j), product in products.items():
-        normal[:, i, j] = normal[:, j, i] = np.einsum("nl,nl->n", product, weights)
-    right = np.stack([np.einsum("nl,nl->n", side, weights) for side in sides], axis=1)
-    damping = 1e-11 * np.trace(normal, axis1=1, axis2=2) + 1e-14
-    normal += damping[:, None, None] * np.eye(3)
-    return np.linalg.solve(normal, right[..., None])[..., 0]
+    normal = {
+        place: np.einsum("nl,nl->n", product, weights)
+        for place, product in products.items()
+    }
+    damping = 1e-11 * sum(normal[i, i] for i in range(3)) + 1e-14
+    for i in range(3):
+        normal[i, i] += damping
+    right = [np.einsum("nl,nl->n", side, weights) for side in sides]
+    return np.stack(_solved(normal, right), axis=1)
+
+
+def _solved(normal, right):
+    """Solutions of 3 x 3 positive definite systems, by L D L'; stacks of these.
+
+    Written out, as a call of LAPACK for each takes several times as long.
+    """
+    d0 = normal[0, 0]
+    l1, l2 = normal[1, 0] / d0, normal[2, 0] / d0
+    d1 = normal[1, 1] - l1 * normal[1, 0]
+    left = normal[2, 1] - l2 * normal[1, 0]
+    l21 = left / d1
+    d2 = normal[2, 2] - l2 * normal[2, 0] - l21 * left
+    y1 = right[1] - l1 * right[0]
+    z = (right[2] - l2 * right[0] - l21 * y1) / d2
+    y = y1 / d1 - l21 * z
+    return right[0] / d0 - l1 * y - l2 * z, y, z
 
 
 class _Found(NamedTuple):
@@ -230,12 +249,21 @@ class _Window:
         self._links = np.argsort(self._around, axis=None, kind="stable")
         counts = np.bincount(self._around.ravel(), minlength=len(self.rows))
         self._first_link = np.append(0, counts.cumsum())
-        found = [
-            self._scene_from(start)
-            for start in self._starts(starts)
-            if start.sum() >= FEWEST_TO_START
+        starts = [
+            some for some in self._starts(starts) if some.sum() >= FEWEST_TO_START
         ]
-        return max(found, key=lambda each: each.score, default=None)
+        if not starts:
+            return None
+        poses = self._begun(starts)
+        views = self._views(poses)
+        for _ in range(2):
+            poses = self._refit([self._members(view)[0] for view in views], poses)
+            views = self._views(poses)
+        return max(map(self._found, views), key=lambda each: each.score)
+
+    def _found(self, view):
+        members, tolerance = self._members(view)
+        return _Found(self._extent(members), view, members, tolerance)
 
     def _starts(self, groups):
         """Which tracks the motion is fitted to at first, in several ways."""
@@ -250,48 +278,59 @@ class _Window:
     def _margin(self, share):
         return ((self._share < share) | (self._share > 1 - share)).any(axis=1)
 
-    def _scene_from(self, start):
-        poses = self._fit(start)
-        some = self._some_of(start)
+    def _begun(self, starts):
+        """Poses of the motion from each start, which some of the tracks judge."""
+        poses = self._fit(starts)
+        some = [self._some_of(start) for start in starts]
         for _ in range(3):
-            deviations = self._view(poses, some).deviations
-            own = np.sort(deviations[start[some]])
-            usual = np.median(own[: int(0.7 * len(own)) + 1])
-            well = np.zeros(len(self.rows), dtype=bool)
-            well[some] = deviations < max(NEVER_LARGE, LARGE * usual)
+            well = list(map(self._explained, starts, some, poses))
             poses = self._refit(well, poses)
-        for _ in range(2):
-            view = self._view(poses)
-            poses = self._refit(self._members(view)[0], poses)
-        view = self._view(poses)
-        members, tolerance = self._members(view)
-        return _Found(self._extent(members), view, members, tolerance)
+        return poses
 
-    def _fit(self, some):
-        """Poses of some tracks, from several starts."""
-        x, seen, weights, floor = self._problem(some)
+    def _explained(self, start, some, poses):
+        """Which of some tracks are as near to a motion as most that it began with."""
+        deviations = self._view(poses, some).deviations
+        own = np.sort(deviations[start[some]])
+        usual = np.median(own[: int(0.7 * len(own)) + 1])
+        well = np.zeros(len(self.rows), dtype=bool)
+        well[some] = deviations < max(NEVER_LARGE, LARGE * usual)
+        return well
+
+    def _fit(self, groups):
+        """Poses of each of some groups of tracks, from several starts."""
+        x, seen, weights, floor = self._problem(groups)
         fitted = fit_rigid_motions(x, seen, weights, floor, self._reference)
-        return Poses(*(each[0] for each in fitted))
+        return [Poses(*each) for each in zip(*fitted, strict=True)]
 
-    def _refit(self, some, poses):
-        some = some & self._there
-        if some.sum() < FEWEST_TO_START:
+    def _refit(self, groups, poses):
+        """Poses of groups of tracks, from given ones; these, where tracks are few."""
+        groups = [group & self._there for group in groups]
+        enough = [k for k, group in enumerate(groups) if group.sum() >= FEWEST_TO_START]
+        poses = list(poses)
+        if not enough:
             return poses
-        stacked = Poses(*(each[None] for each in poses))
-        x, seen, weights, floor = self._problem(some)
+        stacked = Poses(*map(np.stack, zip(*(poses[k] for k in enough), strict=True)))
+        x, seen, weights, floor = self._problem([groups[k] for k in enough])
         fitted, _ = refine_rigid_motions(
             x, seen, weights, floor, self._reference, stacked
         )
-        return Poses(*(each[0] for each in fitted))
+        for k, *pose in zip(enough, *fitted, strict=True):
+            poses[k] = Poses(*pose)
+        return poses
 
-    def _problem(self, some):
-        """Coordinates, visibility, weights and floor of tracks spread over the image"""
-        chosen = self._spread(np.flatnonzero(some))
-        rows = self.rows[chosen]
-        windows = self._windows
-        x, seen = windows.x[self._number][rows], windows.seen[self._number][rows]
-        floor = np.array([windows.least_noise])
-        return x[None], seen[None], np.ones((1, len(rows))), floor
+    def _problem(self, groups):
+        """Coordinates, visibility, weights and floor of each group, spread over it."""
+        chosen = [self.rows[self._spread(np.flatnonzero(group))] for group in groups]
+        windows, most = self._windows, max(map(len, chosen))
+        n_frames = windows.frames.shape[1]
+        x = np.zeros((len(groups), most, n_frames, 2))
+        seen = np.zeros((len(groups), most, n_frames), dtype=bool)
+        weights = np.zeros((len(groups), most))
+        for k, rows in enumerate(chosen):
+            x[k, : len(rows)] = windows.x[self._number][rows]
+            seen[k, : len(rows)] = windows.seen[self._number][rows]
+            weights[k, : len(rows)] = 1
+        return x, seen, weights, np.full(len(groups), windows.least_noise)
 
     def _spread(self, tracks):
         """At most so many of some tracks, as equally from all cells as can be."""
@@ -307,6 +346,9 @@ class _Window:
 
     def _view(self, poses, some=slice(None)):
         return view_of(self._windows, self._number, self.rows[some], poses)
+
+    def _views(self, poses):
+        return [self._view(each) for each in poses]
 
     def _some_of(self, start):
         """Some tracks, half of them of those that a motion starts from."""
