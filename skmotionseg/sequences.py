@@ -17,7 +17,7 @@ from sklearn.base import BaseEstimator, _fit_context, clone
 from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
-from ._parallel.engine import run_tasks
+from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.validation import as_memory, check_cacheable
@@ -26,6 +26,8 @@ from .metrics import misclassification_error
 
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
+
+register_dask()  # for searches over sequences
 
 
 class PerSequence(BaseEstimator):
@@ -45,7 +47,9 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         Number of sequences to segment in parallel, on the backend that
         ``joblib.parallel_config`` selects, such as a Dask cluster. ``None`` means 1
         unless in a :obj:`joblib.parallel_backend` context. ``-1`` means using all
-        processors. See :term:`Glossary <n_jobs>` for more details.
+        processors. See :term:`Glossary <n_jobs>` for more details. For a search on a
+        Dask cluster, ``parallel_config(backend="skmotionseg-dask")`` ends with an error
+        where a task has killed every worker; joblib's "dask" waits for ever.
     memory : str, joblib.Memory or None, default=None
         Caches the labels of each sequence and setting, so that a search that was
         interrupted continues when it is run again. Requires an integer ``random_state``

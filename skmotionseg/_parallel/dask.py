@@ -15,11 +15,11 @@ from .tasks import noting
 SECONDS_FOR_OTHERS = 0.2
 
 
-class TaskBackend(DaskDistributedBackend):
+class AnsweringBackend(DaskDistributedBackend):
     """Ends when a task has no answer, because each worker that ran it died, say.
 
     joblib (1.6) is called back with the answers of tasks alone and waits for ever for a
-    task that cannot be sent, or read by workers, or that the cluster gave up on.
+    task that the cluster gave up on.
     """
 
     def __init__(self, *args, **kwargs):
@@ -27,7 +27,6 @@ class TaskBackend(DaskDistributedBackend):
         self._lost = []  # used by the client's loop alone
 
     def submit(self, func, callback=None):
-        func.items = [(_SealedTask(task), (), {}) for task, _, _ in func.items]
         future = super().submit(func, callback)
         future.add_done_callback(partial(self._note_loss, func, callback))
         return future
@@ -40,13 +39,28 @@ class TaskBackend(DaskDistributedBackend):
             self.client.loop.call_later(
                 SECONDS_FOR_OTHERS, self._report_losses, error, callback
             )
-        self._lost += [task.words for task, _, _ in batch.items]
+        self._lost += [_words(task) for task, _, _ in batch.items]
 
     def _report_losses(self, error, callback):
         # Dask counts the death of a worker against each task that the worker held, so
         # others may be given up together with the one that kills; it is among them.
-        error.add_note("while " + " or ".join(self._lost))
+        error.add_note("while " + " or ".join(dict.fromkeys(self._lost)))
+        self._lost = []
         callback(error)
+
+
+def _words(task):
+    """What a task is about; the name of the function if it does not say."""
+    name = getattr(task, "__name__", type(task).__name__)
+    return getattr(task, "words", f"running {name}")
+
+
+class TaskBackend(AnsweringBackend):
+    """Also ends when a task cannot be sent, or read by workers."""
+
+    def submit(self, func, callback=None):
+        func.items = [(_SealedTask(task), (), {}) for task, _, _ in func.items]
+        return super().submit(func, callback)
 
 
 class _SealedTask:

@@ -4,8 +4,25 @@ from __future__ import annotations
 
 import sys
 
-from joblib import Parallel, delayed
+from joblib import Parallel, delayed, register_parallel_backend
 from joblib.parallel import get_active_backend
+
+from .._utils.optional import require
+
+# By this name, joblib finds the engine for dask clusters that answers for every task.
+DASK = "skmotionseg-dask"
+
+
+def register_dask():
+    """Let ``joblib.parallel_config(backend="skmotionseg-dask")`` be said."""
+
+    def make(**options):
+        require("distributed", extra="dask")
+        from .dask import AnsweringBackend
+
+        return AnsweringBackend(**options)
+
+    register_parallel_backend(DASK, make)
 
 
 def run_tasks(tasks, *, n_jobs=None, prefer=None, done=None):

@@ -120,7 +120,8 @@ def test_sequences_are_segmented_on_the_cluster(n_jobs, sequences, dask, cluster
     assert was_run(cluster, "segmenting sequence 4")
 
 
-def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
+@pytest.mark.parametrize("backend", ["dask", "skmotionseg-dask"])
+def test_settings_are_searched_on_the_cluster(backend, sequences, dask, cluster):
     def fit():
         found = GridSearchCV(
             PerSequence(MotionSegmenter(2, **QUICK)),
@@ -131,7 +132,9 @@ def test_settings_are_searched_on_the_cluster(sequences, dask, cluster):
         scores = [found.cv_results_[f"split{i}_test_score"] for i in range(2)]
         return [*scores, *found.predict(sequences[0])]
 
-    assert_same(fit(), run_here(fit))
+    with parallel_config(backend=backend):
+        there = fit()
+    assert_same(there, run_here(fit))
     assert was_run(cluster, "_fit_and_score")
 
 
@@ -267,7 +270,31 @@ def test_a_sequence_that_fails_is_named(sequences, dask):
     assert "while segmenting sequence 5" in caught.value.__notes__
 
 
-# The last, for it leaves a cluster without workers, whose nannies bring new ones.
+# The last two, for they leave a cluster without workers, whose nannies bring new ones.
+@pytest.mark.parametrize("as_list", [True, False])
+def test_a_search_that_kills_every_worker_ends(
+    as_list, sequences, dask, cluster, monkeypatch
+):
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+    X, y = sequences
+    if not as_list:  # which joblib puts on a worker beforehand
+        of_objects = np.empty(len(X), dtype=object)
+        of_objects[:] = X
+        X = of_objects
+    search = GridSearchCV(
+        PerSequence(Dies(MotionSegmenter(2, **QUICK), DOOMED)),
+        {"estimator__estimator__n_motions": [2, 3]},
+        cv=KFold(2),
+        error_score="raise",
+    )
+    with (
+        parallel_config(backend="skmotionseg-dask"),
+        pytest.raises(distributed.KilledWorker) as caught,
+    ):
+        search.fit(X, y)
+    assert "while running _fit_and_score" in caught.value.__notes__
+
+
 def test_a_sequence_that_kills_every_worker_is_named(
     sequences, dask, cluster, monkeypatch
 ):
