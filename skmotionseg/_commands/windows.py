@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from contextlib import suppress
 
 from .._utils.optional import require
 
@@ -53,7 +54,9 @@ class Window:
     def close(self):
         """Take it from the screen."""
         if not self.reason:
-            require("cv2", extra="video").destroyWindow(self._title)
+            cv2 = require("cv2", extra="video")
+            with suppress(cv2.error):  # somebody may have closed it already
+                cv2.destroyWindow(self._title)
             self.reason = "it was closed"
 
     def _open(self):

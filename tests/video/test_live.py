@@ -80,9 +80,14 @@ class Screen:
         self.pictures, self.closed = [], []
         self.key_at, self.closed_at = key_at, closed_at
         monkeypatch.setenv("DISPLAY", ":7")
-        for name in ("namedWindow", "imshow", "waitKey", "getWindowProperty"):
+        for name in (
+            "namedWindow",
+            "imshow",
+            "waitKey",
+            "getWindowProperty",
+            "destroyWindow",
+        ):
             monkeypatch.setattr(cv2, name, getattr(self, name))
-        monkeypatch.setattr(cv2, "destroyWindow", self.closed.append)
 
     def namedWindow(self, title, flags):
         self.title = title
@@ -97,6 +102,11 @@ class Screen:
     def getWindowProperty(self, title, what):
         assert what == cv2.WND_PROP_VISIBLE
         return 0.0 if len(self.pictures) == self.closed_at else 1.0
+
+    def destroyWindow(self, title):
+        self.closed.append(title)
+        if len(self.pictures) == self.closed_at:
+            raise cv2.error("there is no such window any more")
 
 
 def test_what_is_found_is_drawn_in_a_window(file, frames, capsys, monkeypatch):
