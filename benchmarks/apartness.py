@@ -25,10 +25,8 @@ from skmotionseg._core.labels import groups_of
 from skmotionseg._core.partition import rigid_search
 from skmotionseg._segmenter.long_clips import LONG_CLIP
 
-from .watching import rigid_searches, true_labels
+from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
 
-# Pairs of images and photographs have too few frames in common.
-WITHOUT_WINDOWS = ("two_images", "photographs")
 # A group is of the motion that most of its tracks have, if so many do.
 PURE = 0.8
 
@@ -50,10 +48,9 @@ def pairs_of(X, target):
     def descend(found, over_segments, *_):
         found.calibrate(over_segments[0])
         paths = found.run(*(found.descent(some, 1) for some in over_segments))
-        kept.append((found, [step for path in paths for step in path]))
+        return [step for path in paths for step in path]
 
-    kept: list[tuple[rigid_search.RigidSearch, list]] = []
-    with rigid_searches(descend):
+    with rigid_searches(descend) as kept:
         MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
     rows = []
     for one, steps in kept:

@@ -53,6 +53,12 @@ LONG_NAMES = {
     "known": "`MotionSegmenter(4)`",
     "unknown": "`MotionSegmenter()`",
 }
+# Sections of the page of results that are the rows of a benchmark as they are.
+MEASURED = {
+    "reliability": reliability.COLUMNS,
+    "two_view_peers": two_view_peers.COLUMNS,
+    "search_gap": search_gap.COLUMNS,
+}
 GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"
 
 
@@ -303,7 +309,7 @@ def long_table(record):
         "seeds": lambda row: str(len(row["error"])),
         "error %": lambda row: _with_range([100 * each for each in row["error"]]),
         "motions found": lambda row: ", ".join(map(str, row["found"])),
-        "CPU ms per frame": lambda row: _of_frames(row),
+        "CPU ms per frame": _of_frames,
         "update, 95th percentile, CPU ms": lambda row: _with_range(
             [1e3 * each for each in row.get("late", ())], "{:.0f}"
         ),
@@ -341,9 +347,12 @@ def pages():
             "unknown": unknown_table,
             "halves": halves_table,
             "sequences": sequence_list,
-            "reliability": reliability.table,
-            "magsac": two_view_peers.table,
-            "gap": search_gap.table,
+            **{
+                name: lambda r, name=name, columns=columns: report.figures(
+                    r.get(name), columns
+                )
+                for name, columns in MEASURED.items()
+            },
             "videos": video_table,
             "paper": paper_table,
         },

@@ -130,11 +130,6 @@ def draw(rows, path):
     figure.savefig(path, dpi=120)
 
 
-def table(record):
-    """What is stored, as a Markdown table."""
-    return report.as_table(record.get("reliability", ()), COLUMNS)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True)

@@ -28,10 +28,10 @@ from skmotionseg.metrics import misclassification_error
 from . import report
 from .measuring import show_progress
 from .scenes_bench import HALVES, scenes_of
-from .watching import rigid_searches, true_labels
+from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
 
-# Their partitions are not compared by rigid motion over windows.
-WITHOUT_WINDOWS = ("one_motion", "photographs", "two_images")
+# Families in which there is nothing to search.
+LEFT_OUT = ("one_motion", *WITHOUT_WINDOWS)
 TOLERANCE = 1e-6  # nats per track
 COLUMNS = {
     "family": lambda row: row["row"],
@@ -132,14 +132,9 @@ def measure(families, n_scenes, half, n_jobs=None):
     return [*rows, row_of("all", everything)]
 
 
-def table(record):
-    """What is stored, as a Markdown table."""
-    return report.as_table(record.get("search_gap", ()), COLUMNS)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    choices = [name for name in scene_families() if name not in WITHOUT_WINDOWS]
+    choices = [name for name in scene_families() if name not in LEFT_OUT]
     parser.add_argument("--scenes", type=int, default=4, help="per family")
     parser.add_argument("--half", choices=tuple(HALVES), default="report")
     parser.add_argument("--families", nargs="+", choices=choices, default=choices)

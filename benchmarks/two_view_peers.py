@@ -147,11 +147,6 @@ def _error(pair, labels):
     return misclassification_error(pair.target + 1, labels + 1)
 
 
-def table(record):
-    """What is stored, as a Markdown table."""
-    return report.as_table(record.get("two_view_peers", ()), COLUMNS)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--data", type=Path, required=True)

@@ -9,6 +9,9 @@ import numpy as np
 
 from skmotionseg._core.partition import search
 
+# Families of scenes whose motions are not compared over windows of frames.
+WITHOUT_WINDOWS = ("two_images", "photographs")
+
 
 @contextmanager
 def rigid_searches(instead=None):
@@ -17,20 +20,21 @@ def rigid_searches(instead=None):
     Parameters
     ----------
     instead : callable, optional
-        Called instead of ``rigid_partitions``, with its arguments.
+        Called instead of ``rigid_partitions``, with its arguments; the fit goes on as
+        if nothing had been found.
 
     Yields
     ------
-    list of (RigidSearch, RigidPartitions or None)
+    list of (RigidSearch, object)
         One per search, and what was returned.
     """
     kept = []
-    call = search.rigid_partitions if instead is None else instead
+    call = instead or search.rigid_partitions
 
     def watched(found, *arguments):
         result = call(found, *arguments)
         kept.append((found, result))
-        return result
+        return result if instead is None else None
 
     with patch.object(search, "rigid_partitions", watched):
         yield kept

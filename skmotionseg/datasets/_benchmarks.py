@@ -52,7 +52,8 @@ def _read_folder(folder, pattern, suffix):
     sequences = [load_tracks(path) for path in paths]
     for sequence in sequences:
         sequence.name = sequence.name.removesuffix(suffix)
-        sequence.target = _from_zero(sequence.target)
+        if sequence.target is not None:
+            sequence.target = _from_zero(sequence.target)
     return sequences
 
 

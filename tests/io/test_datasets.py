@@ -615,6 +615,8 @@ def test_photographs(tmp_path):
     assert table.name == "table"
     assert_array_equal(table.target, [0, 1, -1, 1, 0])
     assert_array_equal(unpack_tracks(table.data)[1], seen)
+    np.savez(tmp_path / "table.npz", points=points, visibility=seen)
+    assert load_arrigoni(tmp_path)[0].target is None
 
 
 @pytest.mark.parametrize(

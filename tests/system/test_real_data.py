@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import linear_sum_assignment
 
+from benchmarks.reliability import right_labels
 from skmotionseg import MotionSegmenter
 from skmotionseg.datasets import load_kt3dmoseg
 from skmotionseg.metrics import misclassification_error
@@ -59,18 +59,8 @@ def test_the_least_sure_tenth_of_the_tracks_holds_most_errors(real_data, of_whol
     for clip in load_kt3dmoseg(real_data / "KT3DMoSeg"):
         if clip.name in names:
             segmenter = of_whole(clip)
-            wrong = mistaken(clip.target, segmenter.labels_)
+            wrong = ~right_labels(clip.target, segmenter.labels_)
             least = np.argsort(segmenter.probabilities_)[: len(wrong) // 10]
             shares.append(wrong[least].sum() / wrong.sum())
     assert len(shares) == 3
     assert np.mean(shares) >= 0.5
-
-
-def mistaken(target, labels):
-    """Which tracks the best assignment of labels to motions gets wrong."""
-    meets = [
-        [((labels == m) & (target == k)).sum() for m in range(labels.max() + 1)]
-        for k in range(target.max() + 1)
-    ]
-    motions, found = linear_sum_assignment(meets, maximize=True)
-    return ~np.isin(labels + 1j * target, found + 1j * motions)
