@@ -2,13 +2,19 @@
 
 Over-segmentations of scenes are merged down to one group, and the two groups that are
 least apart in each step, which decide on the number of motions, are a sample: apart if
-they are (mostly) of different motions; one if they are of the same motion, or one of
-them is of outliers. A logistic regression on how much worse one rigid motion explains
-both than two do, and on the log of the links between them over those that chance would
-give, gives the constants of ``skmotionseg._core.partition.rigid_search``. With
-``--data DIR``, another regression on pairs of real sequences, for comparison::
+their tracks, outliers aside, are (mostly) of different motions; one if they are of the
+same motion, or one of them is of outliers. A logistic regression on how much worse one
+rigid motion explains both than two do, the log of the links between them over those
+that chance would give, and how clearly one motion has to place one of them at
+infinity, gives the constants of ``skmotionseg._core.partition.rigid_search``. Many
+pairs are compared in a clip, and one that is taken for two by chance makes the number
+wrong; so the prior is not that of the regression, but lets one in 300 such pairs pass.
+All are divided by what makes the coefficient of the links that of today, because the
+search weighs log odds against nats. With ``--data DIR``,
+the same for pairs of real sequences, with the coefficients of the simulated ones, for
+comparison::
 
-    python -m benchmarks.apartness --scenes 4 --data DIR
+    python -m benchmarks.apartness --scenes 8 --data DIR
 """
 
 from __future__ import annotations
@@ -27,8 +33,11 @@ from skmotionseg._segmenter.long_clips import LONG_CLIP
 
 from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
 
-# A group is of the motion that most of its tracks have, if so many do.
-PURE = 0.8
+# A group is of the motion that most of its tracks have, outliers aside, if so many do;
+# and of outliers if fewer than so many are of motions.
+PURE, KNOWN = 0.8, 0.3
+# Share of pairs of one motion that may be taken for two.
+FALSE = 1 / 300
 
 
 def pairs_of(X, target):
@@ -41,13 +50,13 @@ def pairs_of(X, target):
 
     Returns
     -------
-    list of (float, float, int)
-        Gain, log of links over chance, and 1 if the two are apart.
+    list of (float, float, float, int)
+        Gain, log of links over chance, how clearly one is at infinity, and 1 if the
+        two are apart.
     """
 
     def descend(found, over_segments, *_):
-        found.calibrate(over_segments[0])
-        paths = found.run(*(found.descent(some, 1) for some in over_segments))
+        paths = rigid_search.calibrated_paths(found, over_segments)
         return [step for path in paths for step in path]
 
     with rigid_searches(descend) as kept:
@@ -65,7 +74,7 @@ def pairs_of(X, target):
             if truth is not None:
                 gain = min(found.gain, rigid_search.MOST_GAIN)
                 links = np.log(found.links + rigid_search.FEWEST_LINKS)
-                rows.append((gain, links, truth))
+                rows.append((gain, links, found.far, truth))
     return rows
 
 
@@ -79,29 +88,38 @@ def beginning(X, target):
 def _truth(first, second):
     """Whether two groups are apart; None where their motions are mixed."""
     motions, shares = zip(*map(_motion, (first, second)), strict=True)
-    if motions[0] == motions[1]:
+    if motions[0] == motions[1] or -1 in motions:
         return 0
-    if -1 in motions:
-        return 0 if min(shares) > 0.5 else None
     return 1 if min(shares) > PURE else None
 
 
 def _motion(labels):
-    values, counts = np.unique(labels, return_counts=True)
-    return int(values[counts.argmax()]), counts.max() / len(labels)
+    """The motion of a group, -1 for outliers, and the share of its tracks with it."""
+    known = labels[labels >= 0]
+    if len(known) < KNOWN * len(labels):
+        return -1, 1.0
+    values, counts = np.unique(known, return_counts=True)
+    return int(values[counts.argmax()]), counts.max() / len(known)
 
 
-def regress(name, rows):
-    """Print the regression on some pairs, and how well it tells them."""
+def regression(rows):
+    """Coefficients by which pairs are told apart, and the prior."""
     *features, truth = np.array(rows).T
     X = np.column_stack(features)
     model = LogisticRegression(C=100, max_iter=1000).fit(X, truth)
-    odds = model.decision_function(X)
+    coefficients = model.coef_[0]
+    coefficients = coefficients * -rigid_search.LINK_WEIGHT / coefficients[1]
+    false = (X @ coefficients)[truth == 0]
+    return coefficients, -np.quantile(false, 1 - FALSE, method="higher")
+
+
+def print_errors(name, rows, coefficients, prior):
+    """Print how well some coefficients tell pairs apart."""
+    *features, truth = np.array(rows).T
+    odds = np.column_stack(features) @ coefficients + prior
     missed, false = np.mean(odds[truth == 1] < 0), np.mean(odds[truth == 0] > 0)
     print(
-        f"{name}: {len(X)} pairs, {truth.mean():.0%} apart; gain "
-        f"{model.coef_[0, 0]:.2f}, links {model.coef_[0, 1]:.1f}, prior "
-        f"{model.intercept_[0]:.2f}; area under the curve "
+        f"{name}: {len(odds)} pairs, {truth.mean():.0%} apart; area under the curve "
         f"{roc_auc_score(truth, odds):.3f}; missed {missed:.1%}, false {false:.1%}",
         flush=True,
     )
@@ -109,7 +127,7 @@ def regress(name, rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--scenes", type=int, default=4, help="scenes per family")
+    parser.add_argument("--scenes", type=int, default=8, help="scenes per family")
     parser.add_argument("--data", type=Path, help="folder of real sequences")
     arguments = parser.parse_args()
     rows = []
@@ -120,12 +138,16 @@ def main():
                     family, n_tracks=(80, 450), random_state=seed
                 )
                 rows += pairs_of(*beginning(scene.data, scene.target))
-    regress("simulated scenes", rows)
+    coefficients, prior = regression(rows)
+    gain, links, far = coefficients
+    print(f"gain {gain:.2f}, links {links:.2f}, far {far:.2f}, prior {prior:.2f}")
+    print_errors("simulated scenes", rows, coefficients, prior)
     if arguments.data is not None:
         sequences = datasets.load_kt3dmoseg(arguments.data / "KT3DMoSeg")
         sequences += datasets.load_hopkins155(arguments.data / "Hopkins155")[::8]
         pairs = (pairs_of(each.data, each.target) for each in sequences)
-        regress("real sequences", [row for each in pairs for row in each])
+        real = [row for each in pairs for row in each]
+        print_errors("real sequences", real, coefficients, prior)
 
 
 if __name__ == "__main__":

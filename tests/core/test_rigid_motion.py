@@ -12,6 +12,7 @@ from skmotionseg._core.geometry import rigid_motion
 from skmotionseg._core.geometry.rigid_motion import (
     Poses,
     fit_rigid_motions,
+    inverse_depths,
     refine_rigid_motions,
     rotations_of,
     squared_residuals,
@@ -49,6 +50,36 @@ def test_a_motion_is_fitted_to_the_noise(direction):
         x[None], seen[None], np.ones((1, len(x))), np.array([1e-5]), REFERENCE
     )
     assert deviation(squared_residuals(x, seen, poses)[0], seen) < 1.3e-4
+
+
+def test_inverse_depths_are_those_of_the_scene():
+    rng = np.random.RandomState(3)
+    depths = np.random.RandomState(4).uniform(0.3, 1, 30)
+    x, poses = scene(rng, noise=1e-6)
+    seen = rng.uniform(size=x.shape[:2]) < 0.8
+    seen[:, :3] = True
+    places = [
+        place_by_least_squares(*each, poses) for each in zip(x, seen, strict=True)
+    ]
+    expected, errors = np.transpose(places)
+    found = inverse_depths(np.where(seen[..., None], x, 0), seen, poses)
+    np.testing.assert_allclose(found[0][0], expected, atol=2e-4)
+    np.testing.assert_allclose(found[1][0], errors, rtol=1e-3)
+    assert depths.min() - 0.01 < expected.min() < expected.max() < depths.max() + 0.01
+    assert inverse_depths(x[:0], seen[:0], poses)[0].shape == (1, 0)
+
+
+def place_by_least_squares(image, frames, poses):
+    """Inverse depth of a track, whose ray is free as well, and its standard error."""
+    (rotations,), (translations,) = poses
+
+    def residuals(place):
+        a, b, c = place
+        points = rotations[frames] @ [a, b, 1] + c * translations[frames]
+        return (points[:, :2] / points[:, 2:] - image[frames]).ravel()
+
+    found = least_squares(residuals, [*image[REFERENCE], 0.5])
+    return found.x[2], np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[2, 2])
 
 
 def test_gaps_and_outliers_leave_the_others_fitted():

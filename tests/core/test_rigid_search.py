@@ -8,9 +8,17 @@ import pytest
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
-from skmotionseg._core.partition.rigid_search import RigidSearch, rigid_partitions
-from skmotionseg.datasets import make_rigid_motions
+from skmotionseg._core.partition.rigid_search import (
+    RigidSearch,
+    calibrated_paths,
+    infinitely_far,
+    rigid_partitions,
+)
+from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
+
+# Median of the absolute value of a normal variable.
+OF_A_NORMAL = 0.6745
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +87,68 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     motions = done(search, search.motions(y))
     _, whole = done(search, search.least_apart(y, motions))
     assert whole.log_odds > 2
+
+
+def before_a_still_camera(rng, n_tracks=120, n_frames=8):
+    """What stands still, and something that moves past along a straight line."""
+    points = rng.uniform(0, 640, size=(n_tracks, 1, 2)) + np.zeros((n_frames, 2))
+    y = (np.arange(n_tracks) < n_tracks // 4).astype(int)
+    depth = rng.uniform(0.9, 1.1, size=(n_tracks, 1))
+    points[y == 1, :, 0] += 3 * np.arange(n_frames) * depth[y == 1]
+    points += 0.1 * rng.standard_normal(points.shape)
+    visibility = np.ones((n_tracks, n_frames), dtype=bool)
+    affinity = np.where(y[:, None] == y, 1.0, 0.05)
+    return points, visibility, affinity, y
+
+
+def test_what_moves_before_a_still_camera_is_apart():
+    """One rigid motion explains both: the one at infinity, and the other near."""
+    scene = before_a_still_camera(np.random.RandomState(5))
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    _, found = done(search, search.least_apart(y, done(search, search.motions(y))))
+    assert found.gain < 0.5
+    assert found.far > 0.5
+    assert found.log_odds > 0
+
+
+def test_what_is_at_infinity_is_told_from_what_is_near():
+    rng = np.random.RandomState(6)
+    near, far = rng.normal(1.0, 0.1, (50, 2)), rng.normal(0.0, 0.1, (80, 2))
+    near[rng.uniform(size=near.shape) < 0.3] = np.nan
+    errors = [np.full_like(each, 0.1) for each in (near, far)]
+    whole = np.log(5) / (1 + OF_A_NORMAL)
+    assert infinitely_far([near, far], errors) == pytest.approx(whole, abs=0.2)
+    assert infinitely_far([far, near], errors[::-1]) == pytest.approx(whole, abs=0.2)
+    # Neither is at infinity, the depths overlap, or nothing is known.
+    assert infinitely_far([near + 3, far + 3], errors) < 0.1
+    assert infinitely_far([far[:40], far[40:]], [errors[1][:40]] * 2) == 0
+    assert infinitely_far([np.full((9, 2), np.nan), far], [errors[1][:9]] * 2) == 0
+    same = [np.zeros((9, 2))] * 2
+    assert infinitely_far(same, [np.ones((9, 2))] * 2) == 0
+
+
+def test_the_focal_length_is_looked_at_again_in_larger_groups():
+    """Small pieces of a scene hardly tell it, the whole of it does."""
+    exact = {"outliers": 0.0, "noise": 0.1, "drift": 0.0, "distortion": 0.0}
+    simulated = make_scene(
+        "street", n_tracks=300, n_frames=12, life=100, random_state=1, **exact
+    )
+    points, visibility = unpack_tracks(simulated.data)
+    y = canonical_labels(simulated.target)
+    affinity = np.where(y[:, None] == y, 1.0, 0.01)
+    search, first = (
+        RigidSearch(Windows(points, visibility), affinity) for _ in range(2)
+    )
+    middle = np.nanmean(points, axis=1)
+    pieces = canonical_labels((middle > np.median(middle, axis=0)) @ [2, 1] + 4 * y)
+    first.calibrate(pieces)
+    calibrated_paths(search, [pieces])
+    true = simulated.focal / np.nanmax(np.ptp(points[visibility], axis=0))
+    before, after = (
+        abs(np.log(each.windows.focal_length / true)) for each in (first, search)
+    )
+    assert after < 0.05 < before
 
 
 def found_in(scene, counts):

@@ -160,23 +160,60 @@ def squared_residuals(x, seen, poses):
     ndarray of shape (B, n)
         Summed over frames and coordinates. A linear fit and one Gauss-Newton step.
     """
+    found = [squares for _, squares, _ in _placed(x, seen, poses)]
+    return np.concatenate(found, axis=1)
+
+
+def inverse_depths(x, seen, poses):
+    """Inverse depths at which motions explain tracks best.
+
+    Parameters
+    ----------
+    x, seen, poses
+        As for :func:`squared_residuals`.
+
+    Returns
+    -------
+    depths : ndarray of shape (B, n)
+        In the coordinates of the poses: 0 at infinity, negative behind the camera.
+    errors : ndarray of shape (B, n)
+        Their standard deviations where that of a residual is 1.
+    """
+    found = [
+        (places[:, 2], _error_of_last(normal))
+        for places, _, normal in _placed(x, seen, poses)
+    ]
+    depths, errors = (np.concatenate(each, axis=1) for each in zip(*found, strict=True))
+    return depths, errors
+
+
+def _error_of_last(normal):
+    """Standard deviation (B, n) of the last of three unknowns, by ``UPPER`` entries."""
+    a, b, c, d, e, f = np.moveaxis(normal, 1, 0)
+    minor = a * d - b * b
+    determinant = minor * f - a * e * e - d * c * c + 2 * b * c * e
+    least = np.finfo(float).tiny
+    return np.sqrt(np.maximum(minor, 0) / np.maximum(determinant, least))
+
+
+def _placed(x, seen, poses):
+    """Yield places (B, 3, n), squared residuals and normal equations of some tracks.
+
+    A place is a ray and an inverse depth: the last of its three numbers.
+    """
     x, seen = x.transpose(1, 2, 0), seen.T.astype(float)  # (L, 2, n), (L, n)
     rotations, translations = poses
     # A point (a, b, 1) / c of the reference frame is at P (a, b, c, 1) in another.
     P = np.concatenate(
         [rotations[..., :2], translations[..., None], rotations[..., 2:]], axis=-1
     )  # (B, L, 3, 4)
-    n = seen.shape[1]
     size = max(1, SIZE_OF_BLOCK // len(P))
-    blocks = [
-        _squares_of(P, x[..., k : k + size], seen[:, k : k + size])
-        for k in range(0, n, size)
-    ]
-    return np.concatenate(blocks, axis=1) if blocks else np.zeros((len(P), 0))
+    for k in range(0, max(seen.shape[1], 1), size):
+        yield _places_of(P, x[..., k : k + size], seen[:, k : k + size])
 
 
-def _squares_of(P, x, seen):
-    """Squared residuals (B, n) of some tracks, (L, 2, n) and (L, n)."""
+def _places_of(P, x, seen):
+    """What :func:`_placed` yields of some tracks, (L, 2, n) and (L, n)."""
     equations = _equations(P, x, seen)
     points = _solve_points(equations, -equations[:, 6:], 1e-11)
     image, distance, residuals = _image_of(points, P, x, seen)
@@ -186,9 +223,10 @@ def _squares_of(P, x, seen):
     across = (image * residuals).sum(axis=2)  # (B, L, n)
     left = np.concatenate([residuals, -across[:, :, None]], axis=2)  # (B, L, 3, n)
     right = _flat(P[..., :3]).swapaxes(-1, -2) @ _flat(left)
-    points += _solve_points(_equations(P[..., :3], image, near**2), right, 1e-9)
+    normal = _equations(P[..., :3], image, near**2)
+    points += _solve_points(normal, right, 1e-9)
     residuals = _image_of(points, P, x, seen)[2]
-    return np.minimum(squares, (residuals**2).sum(axis=(1, 2)))
+    return points, np.minimum(squares, (residuals**2).sum(axis=(1, 2))), normal
 
 
 def _equations(P, image, weights):
@@ -208,7 +246,8 @@ def _equations(P, image, weights):
 
 def _flat(values):
     """Two axes before the last as one."""
-    return values.reshape(*values.shape[:-3], -1, values.shape[-1])
+    *batch, first, second, n = values.shape
+    return values.reshape(*batch, first * second, n)
 
 
 def _image_of(points, P, x, seen):

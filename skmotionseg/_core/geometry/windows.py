@@ -14,6 +14,7 @@ import numpy as np
 from .poses import Poses
 from .rigid_motion import (
     fit_rigid_motions,
+    inverse_depths,
     refine_rigid_motions,
     squared_residuals,
 )
@@ -29,8 +30,10 @@ SHARE_IN_REFERENCE = 0.8
 # Tracks of a group that its motion is fitted to, and problems solved at a time.
 MOST_FITTED = 40
 BATCH = 16
-# Focal lengths that are tried, as shares of the larger side of what tracks cover.
+# Focal lengths that are tried, as shares of the larger side of what tracks cover, and
+# factors by which the best of them is improved.
 FOCAL_LENGTHS = (0.4, 0.6, 1.0, 1.7)
+FOCAL_STEPS = (1.25, 1.12, 1.06)
 # Least standard deviation of the noise: pixels in a video 640 pixels wide.
 REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
@@ -267,6 +270,25 @@ class Windows:
         total = np.where(unknown, 0, squares).sum(axis=1)
         return np.sqrt(total / np.maximum(freedom, 1)), freedom
 
+    def inverse_depths(self, motion, tracks):
+        """Inverse depths of some tracks by a motion, window by window.
+
+        Returns
+        -------
+        depths, errors : ndarray of shape (n, n_windows)
+            In units of each window's own, and their standard deviations where that of
+            a calibrated coordinate is 1; NaN where nothing is known.
+        """
+        found = np.full((2, len(tracks), len(self.frames)), np.nan)
+        for window, pose in enumerate(motion.poses):
+            known = self.freedom[tracks, window] > 0
+            if pose is not None and known.any():
+                rows = tracks[known]
+                one = Poses(*(each[None] for each in pose))
+                x, seen = self.x[window, rows], self.seen[window, rows]
+                found[:, known, window] = np.concatenate(inverse_depths(x, seen, one))
+        return tuple(found)
+
     def shrinkage(self, motion, tracks):
         """By how much residuals of fitted tracks are too small: the parameters' part.
 
@@ -351,6 +373,26 @@ def _batches(jobs):
     jobs = sorted(jobs, key=lambda job: len(job.tracks))
     for start in range(0, len(jobs), BATCH):
         yield jobs[start : start + BATCH]
+
+
+def best_focal_length(cost, steps=FOCAL_STEPS):
+    """The best of a few focal lengths, improved in ever smaller steps.
+
+    Parameters
+    ----------
+    cost : callable
+        Of a focal length, as a share of the larger side of what tracks cover.
+    steps : sequence of float
+        Factors.
+
+    Returns
+    -------
+    float
+    """
+    best = min(FOCAL_LENGTHS, key=cost)
+    for step in steps:
+        best = min((best, best * step, best / step), key=cost)
+    return best
 
 
 def window_frames(visibility):

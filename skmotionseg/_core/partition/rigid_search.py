@@ -4,20 +4,26 @@ A motion that is rigid over many frames leaves each track one free number, so tr
 another motion are off by far more than the noise. Tracks are assigned to the motion
 that explains them in all windows, their neighbours in the graph having a say; two
 groups are different motions if one rigid motion explains both much worse than two do,
-and the graph has few links between them.
+or has to place one at infinity, and the graph has few links between them.
 """
 
 from __future__ import annotations
 
-from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from ..geometry.description_length import OF_MEDIAN
 from ..geometry.rigid_motion import FREEDOM
-from ..geometry.windows import FEWEST_TRACKS, FOCAL_LENGTHS, FitRequest, RigidMotion
+from ..geometry.windows import (
+    FEWEST_TRACKS,
+    FOCAL_STEPS,
+    FitRequest,
+    RigidMotion,
+    best_focal_length,
+)
 from ..labels import groups_of, indicator
 from .local_search import split
 from .side_by_side import run, side_by_side
@@ -33,18 +39,20 @@ MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
 NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions: the log of how much worse one motion
-# is than two, per track of the smaller group, and the log of the links between them
-# over those that chance would give. By a logistic regression on pairs of groups in
-# simulated scenes (``python -m benchmarks.apartness``), with fits of an earlier
-# version: today's give 1.5, 2.5 and -7.2, and the number as often right there (50
-# scenes; 58 %, and 60 with these).
-GAIN_WEIGHT, LINK_WEIGHT, PRIOR = 1.65, 1.85, -7.2
+# is than two, per track of the smaller group; the log of the links between them over
+# those that chance would give; and how clearly one motion has to place one of them at
+# infinity. By a logistic regression on pairs of groups in simulated scenes
+# (``python -m benchmarks.apartness``), with a prior by which one in 300 of the pairs
+# that are one motion is taken for two.
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, PRIOR = 1.65, 1.85, 5.0, -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
 # Log odds by one of two motions below which no joint motion is fitted.
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, say no more.
 MOST_GAIN = 5.0
+# The least spread of inverse depths, against division by zero.
+LEAST_SPREAD = 1e-9
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
 # Pairs of groups that a joint motion is fitted to before the others, and the tracks of
@@ -76,12 +84,16 @@ class Apartness(NamedTuple):
         By how much worse it does than their own two (see ``_gain``).
     links : float
         The links between them over those that chance would give.
+    far : float
+        How clearly the joint motion places one of them at infinity, and one not (see
+        :func:`infinitely_far`).
     """
 
     log_odds: float
     joint: RigidMotion
     gain: float
     links: float
+    far: float
 
 
 def _log_odds(apartness):
@@ -169,16 +181,43 @@ class RigidSearch:
             self._fitted[key] = fit, motion
         return [self._fitted[fit.key][1] for fit in fits]
 
-    def calibrate(self, labels):
+    def calibrate(self, labels, steps=()):
         """Choose focal length and scale of the noise by the larger groups of labels.
 
         Of focal lengths that explain them nearly as well, the one nearest to the size
         of the image: by chance one is better here and another there.
+
+        Parameters
+        ----------
+        labels : ndarray of int, shape (n,)
+        steps : sequence of float
+            Factors by which the best of a few focal lengths is improved.
+
+        Returns
+        -------
+        bool
+            Whether the focal length is another than before. If not, the scale stays,
+            too, and with it all that was fitted.
         """
+        before = self.windows.focal_length, self.scale
         groups = sorted(groups_of(labels), key=len)[-4:]
-        tried = [self._with_focal_length(each, groups) for each in FOCAL_LENGTHS]
-        _, focal_length, motions = min(tried, key=itemgetter(0))
-        self.windows.set_focal_length(focal_length)
+        tried: dict[float, tuple] = {}
+
+        def cost(focal_length):
+            if focal_length not in tried:
+                tried[focal_length] = self._with_focal_length(focal_length, groups)
+            return tried[focal_length][0]
+
+        best = best_focal_length(cost, steps)
+        self.windows.set_focal_length(best)
+        if self._fitted and best == before[0]:
+            self.scale = before[1]
+            return False
+        self._begin_with(groups, tried[best][1])
+        return True
+
+    def _begin_with(self, groups, motions):
+        """Take the scale of the noise from some motions, and forget all others."""
         own = [
             self.windows.deviations(*each)[0]
             for each in zip(motions, groups, strict=True)
@@ -189,9 +228,10 @@ class RigidSearch:
         self._fitted = {
             fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
         }
+        self.apart, self._apart_by_own = {}, {}
 
     def _with_focal_length(self, focal_length, groups):
-        """Nats of some groups with a focal length, it, and the groups' motions."""
+        """Nats of some groups with a focal length, and their motions."""
         self.windows.set_focal_length(focal_length)
         self.scale = self.windows.least_noise
         motions = self.windows.fit(groups)
@@ -199,7 +239,7 @@ class RigidSearch:
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
         far = abs(np.log(focal_length))
         total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * far
-        return total, focal_length, motions
+        return total, motions
 
     def costs(self, motions):
         """Nats (n, M) of each track by each motion."""
@@ -423,12 +463,26 @@ class RigidSearch:
         """The :class:`Apartness` of two groups for the best of some joint motions."""
         gain, joint = self._gain(pair.groups, pair.motions, joints)
         links = self._links(*pair.groups)
+        far = self._infinitely_far(pair, joint)
         log_odds = (
             GAIN_WEIGHT * min(gain, MOST_GAIN)
             - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
+            + FAR_WEIGHT * far
             + PRIOR
         )
-        return Apartness(float(log_odds), joint, float(gain), links)
+        return Apartness(float(log_odds), joint, float(gain), links, far)
+
+    def _infinitely_far(self, pair, joint):
+        """How clearly a joint motion has to place one group at infinity."""
+        inliers = map(self._explained, pair.groups, pair.motions)
+        placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
+        depths, errors = zip(*placed, strict=True)
+        return infinitely_far(depths, [error * self.scale for error in errors])
+
+    def _explained(self, group, motion):
+        """The tracks of a group that its motion explains."""
+        deviations, freedom = self.windows.deviations(motion, group)
+        return group[(freedom > 0) & (deviations <= INLIER_SCALES * self.scale)]
 
     def _links(self, first, second):
         """The links between two groups over those that chance would give."""
@@ -462,6 +516,48 @@ class RigidSearch:
                 totals[k] += np.log(ratio[(known > 0) & (also > 0)]).sum()
         k = int(totals.argmin())
         return totals[k] / min(map(len, groups)), joints[k]
+
+
+def infinitely_far(depths, errors):
+    """How clearly one of two groups is at infinity, by a common motion, and one is not.
+
+    One rigid motion explains more than it should: what stands still before a camera
+    that only turns, as if it were infinitely far, together with what moves past it, as
+    if it were near. A scene is spread in depth: its parts are not at one and the same,
+    and that is not infinity.
+
+    Parameters
+    ----------
+    depths, errors : pair of ndarray of shape (n_tracks, n_windows)
+        Inverse depths of the tracks of each group, and their standard deviations; NaN
+        where nothing is known.
+
+    Returns
+    -------
+    float
+        The log of the distance between the medians over the sum of the standard
+        deviations (by median absolute deviations) within the groups, where positive,
+        over one plus the median inverse depth, in its standard deviations, of the group
+        that is farther; its mean over the windows, weighted by the tracks of the
+        smaller group.
+    """
+    weights = np.min([np.isfinite(each).sum(axis=0) for each in depths], axis=0)
+    told = np.flatnonzero(weights >= FEWEST_TRACKS)
+    if len(told) == 0:
+        return 0.0
+    depths = [each[:, told] for each in depths]
+    medians = [np.nanmedian(each, axis=0) for each in depths]
+    spread = sum(
+        OF_MEDIAN * np.nanmedian(np.abs(each - median), axis=0)
+        for each, median in zip(depths, medians, strict=True)
+    )
+    gaps = np.abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
+    far = [
+        np.nanmedian(np.abs(each) / error[:, told], axis=0)
+        for each, error in zip(depths, errors, strict=True)
+    ]
+    found = np.log(np.maximum(gaps, 1)) / (1 + np.minimum(*far))
+    return float(np.average(found, weights=weights[told]))
 
 
 def _links_of(affinity):
@@ -517,9 +613,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         numbers the largest is chosen whose motions are all more likely apart than one.
     """
     fewest, most = int(counts[0]), int(counts[-1])
-    search.calibrate(over_segments[0])
     bisect = _once_per_group(bisect)
-    paths = search.run(*(search.descent(some, 1) for some in over_segments))
+    paths = calibrated_paths(search, over_segments)
     steps: dict[int, Step] = {}
     for step in (step for path in paths for step in path):
         n = step.n_motions
@@ -541,6 +636,44 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         chosen += 1
         steps[chosen] = grown
     return RigidPartitions(steps, chosen)
+
+
+def calibrated_paths(search, over_segments):
+    """Descents from over-segments to one group, seen by a calibrated camera.
+
+    Over-segments are small and nearly flat, so they tell little of the focal length;
+    with a wrong one, a scene is not quite one rigid motion, and is torn where it is
+    large. So it is looked at again when they are merged, and if it has changed, they
+    are merged once more.
+
+    Parameters
+    ----------
+    search : RigidSearch
+    over_segments : list of ndarray of int, shape (n,)
+
+    Returns
+    -------
+    list of list of Step
+    """
+    search.calibrate(over_segments[0])
+    paths = _descents(search, over_segments)
+    labels = max(map(_last_apart, paths), key=_n_motions).labels
+    if search.calibrate(labels, FOCAL_STEPS):
+        paths = _descents(search, over_segments)
+    return paths
+
+
+def _descents(search, over_segments):
+    return search.run(*(search.descent(some, 1) for some in over_segments))
+
+
+def _last_apart(path):
+    """The step of a path with the most groups that are all apart; else its last."""
+    return next((step for step in path if step.log_odds > 0), path[-1])
+
+
+def _n_motions(step):
+    return step.n_motions
 
 
 def rank(step):

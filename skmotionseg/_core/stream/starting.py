@@ -6,14 +6,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.windows import FOCAL_LENGTHS
+from ..geometry.windows import best_focal_length
 from .assignment import measure
 from .window import Camera, Window
 
 # The scale of residuals, in units of their median.
 SCALE_OF_NOISE = 2.0
-# Factors by which the best of a few focal lengths is improved.
-FOCAL_STEPS = (1.25, 1.12, 1.06)
 
 
 class Calibration(NamedTuple):
@@ -61,10 +59,7 @@ def calibrate(points, seen, rows, groups):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    best = min(FOCAL_LENGTHS, key=nats)
-    for step in FOCAL_STEPS:
-        best = min((best, best * step, best / step), key=nats)
-    return tried[best]
+    return tried[best_focal_length(nats)]
 
 
 def _seen_by(camera, points, seen, rows, groups):
