@@ -123,7 +123,8 @@ def test_what_is_at_infinity_is_told_from_what_is_near():
     # Neither is at infinity, the depths overlap, or nothing is known.
     assert infinitely_far([near + 3, far + 3], errors) < 0.1
     assert infinitely_far([far[:40], far[40:]], [errors[1][:40]] * 2) == 0
-    assert infinitely_far([np.full((9, 2), np.nan), far], [errors[1][:9]] * 2) == 0
+    unseen = np.full_like(near, np.nan)
+    assert infinitely_far([unseen, far], errors) == 0
     same = [np.zeros((9, 2))] * 2
     assert infinitely_far(same, [np.ones((9, 2))] * 2) == 0
 

@@ -428,10 +428,14 @@ class RigidSearch:
         return kept if len(kept) >= FEWEST_TRACKS else group
 
     def _by_own_motions(self, pair):
-        """The :class:`Apartness` of two groups if one of their motions is the joint."""
+        """The :class:`Apartness` of two groups if one of their motions is the joint.
+
+        Whether it has to place one at infinity is left open: this is to tell whom to
+        compare, and is asked of all pairs.
+        """
         key = pair.key
         if key not in self._apart_by_own:
-            self._apart_by_own[key] = self._apartness_by(pair, pair.motions)
+            self._apart_by_own[key] = self._apartness_by(pair, pair.motions, told=False)
         return self._apart_by_own[key]
 
     def _apartnesses(self, pairs):
@@ -459,11 +463,11 @@ class RigidSearch:
             best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
 
-    def _apartness_by(self, pair, joints):
+    def _apartness_by(self, pair, joints, told=True):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
         gain, joint = self._gain(pair.groups, pair.motions, joints)
         links = self._links(*pair.groups)
-        far = self._infinitely_far(pair, joint)
+        far = self._infinitely_far(pair, joint) if told else 0.0
         log_odds = (
             GAIN_WEIGHT * min(gain, MOST_GAIN)
             - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
@@ -541,23 +545,29 @@ def infinitely_far(depths, errors):
         that is farther; its mean over the windows, weighted by the tracks of the
         smaller group.
     """
-    weights = np.min([np.isfinite(each).sum(axis=0) for each in depths], axis=0)
-    told = np.flatnonzero(weights >= FEWEST_TRACKS)
-    if len(told) == 0:
-        return 0.0
-    depths = [each[:, told] for each in depths]
-    medians = [np.nanmedian(each, axis=0) for each in depths]
+    found, weights = [], []
+    for window in range(depths[0].shape[1]):
+        sides = []
+        for side, error in zip(depths, errors, strict=True):
+            known = np.isfinite(side[:, window])
+            sides.append((side[known, window], error[known, window]))
+        weight = min(len(side) for side, _ in sides)
+        if weight >= FEWEST_TRACKS:
+            found.append(_far_in_window(*sides))
+            weights.append(weight)
+    return float(np.average(found, weights=weights)) if found else 0.0
+
+
+def _far_in_window(*sides):
+    """What a window says of groups, each as inverse depths and their errors."""
+    medians = [np.median(depths) for depths, _ in sides]
     spread = sum(
-        OF_MEDIAN * np.nanmedian(np.abs(each - median), axis=0)
-        for each, median in zip(depths, medians, strict=True)
+        OF_MEDIAN * np.median(np.abs(depths - median))
+        for (depths, _), median in zip(sides, medians, strict=True)
     )
-    gaps = np.abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
-    far = [
-        np.nanmedian(np.abs(each) / error[:, told], axis=0)
-        for each, error in zip(depths, errors, strict=True)
-    ]
-    found = np.log(np.maximum(gaps, 1)) / (1 + np.minimum(*far))
-    return float(np.average(found, weights=weights[told]))
+    gap = abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
+    nearest = min(np.median(np.abs(depths) / error) for depths, error in sides)
+    return np.log(max(gap, 1)) / (1 + nearest)
 
 
 def _links_of(affinity):
@@ -658,7 +668,7 @@ def calibrated_paths(search, over_segments):
     search.calibrate(over_segments[0])
     paths = _descents(search, over_segments)
     labels = max(map(_last_apart, paths), key=_n_motions).labels
-    if search.calibrate(labels, FOCAL_STEPS):
+    if search.calibrate(labels, FOCAL_STEPS[:2]):
         paths = _descents(search, over_segments)
     return paths
 
