@@ -87,6 +87,32 @@ class TrackBuffer:
         """Set labels; tracks that go to a candidate keep those of before in mind."""
         self.before, self.labels = self.shown(), labels
 
+    def add_motion(self, members=()):
+        """Remember as little against one more motion as against the best, or nothing.
+
+        Parameters
+        ----------
+        members : sequence of int
+            Rows of tracks against which nothing speaks more than the best motion.
+        """
+        members = np.asarray(members, dtype=int)
+        more = np.zeros((len(self.ids), 1))
+        more[members, 0] = self.memory[members].min(axis=1, initial=0)
+        self.memory = np.concatenate([self.memory, more], axis=1)
+
+    def settle(self, rows, label, column):
+        """Give tracks a label against which nothing speaks any longer.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+        label, column : int
+            Of the motion, and where it is in the memory.
+        """
+        self.labels[rows], self.outlying[rows] = label, False
+        own = self.memory[rows, column][:, None]
+        self.memory[rows] = np.maximum(self.memory[rows] - own, 0)
+
     def release(self, label):
         """Give the tracks of a candidate the label of before."""
         self.labels = np.where(self.labels == label, self.before, self.labels)
