@@ -87,18 +87,9 @@ class TrackBuffer:
         """Set labels; tracks that go to a candidate keep those of before in mind."""
         self.before, self.labels = self.shown(), labels
 
-    def add_motion(self, members=()):
-        """Remember as little against one more motion as against the best, or nothing.
-
-        Parameters
-        ----------
-        members : sequence of int
-            Rows of tracks against which nothing speaks more than the best motion.
-        """
-        members = np.asarray(members, dtype=int)
-        more = np.zeros((len(self.ids), 1))
-        more[members, 0] = self.memory[members].min(axis=1, initial=0)
-        self.memory = np.concatenate([self.memory, more], axis=1)
+    def add_motion(self):
+        """Make room for one more living motion, against which nothing speaks yet."""
+        self.memory = np.pad(self.memory, ((0, 0), (0, 1)))
 
     def settle(self, rows, label, column):
         """Give tracks a label against which nothing speaks any longer.

@@ -557,7 +557,7 @@ class MotionStream:
         )
         if fit is None:
             return
-        buffer.add_motion(members)
+        buffer.add_motion()
         number = UNKNOWN - 1 - self.frame
         self.motions.append(LivingMotion(number, fit, self.frame))
         labels = buffer.labels.copy()
