@@ -102,6 +102,18 @@ def test_a_search_ends_no_motion(movie):
     assert (labels == movie.things[ids]).mean() > 0.97
 
 
+def in_two(things, n_frames):
+    """What a search says that makes two motions of the scene later."""
+    halves = np.where(np.arange(len(things)) % 3 == 0, 2, 0)
+    return np.where(things == 0, halves * (n_frames >= SEARCHED_AGAIN[0]), things)
+
+
+def test_motions_that_the_last_frames_do_not_tell_apart_do_not_begin(movie):
+    labels, ids, _, happened = play(movie, told(movie, in_two))
+    assert happened == [("start", FIRST_FRAMES - 1)]
+    assert (labels == movie.things[ids]).mean() > 0.97
+
+
 def test_a_search_gives_no_more_numbers_than_motions(movie):
     labels, _, stream, _ = play(movie, told(movie, without_the_thing), n_motions=1)
     assert labels.max() == 0
