@@ -40,6 +40,10 @@ class OnlineMotionSegmenter(BaseEstimator):
     joined. Every sixth frame, the focal length is compared with a shorter and a longer
     one in turn.
 
+    Ten frames do not show all motions: after 15, 22 and 33 frames, all frames so far
+    are segmented again. That adds motions and places tracks, and ends no motion. These
+    four updates take seconds, all others a fraction of one.
+
     Labels are identities that last. A motion keeps its number as long as it lives, and
     a number is given once. 0 is the static scene. What stops keeps its number, and what
     was out of view gets its own back if its tracks do, or if, within 100 frames, it is
@@ -56,7 +60,7 @@ class OnlineMotionSegmenter(BaseEstimator):
         for tracks that come back after more than twelve frames. That takes about a bit
         per track; all else depends only on what is in view.
     random_state : int, RandomState instance or None, default=None
-        Drives the segmentation of the first frames, and where new motions are looked
+        Drives the segmentations of the first frames, and where new motions are looked
         for.
 
     Attributes

@@ -38,3 +38,16 @@ def test_tracks_of_a_candidate_show_the_label_of_before():
     assert_array_equal(buffer.shown(), [0, 1, -1])
     buffer.release(-5)
     assert_array_equal(buffer.labels, [0, 1, -1])
+
+
+def test_nothing_speaks_against_a_label_that_is_settled():
+    buffer = TrackBuffer(3)
+    pushed(buffer, [0, 1, 2])
+    buffer.memory = np.array([[0.0, 5.0], [7.0, 2.0], [1.0, 4.0]])
+    buffer.outlying[:] = True
+    buffer.add_motion()
+    assert_array_equal(buffer.memory[:, 2], [0, 0, 0])
+    buffer.settle(np.array([0, 1]), 8, 1)
+    assert_array_equal(buffer.memory, [[0, 0, 0], [5, 0, 0], [1, 4, 0]])
+    assert_array_equal(buffer.labels, [8, 8, -1])
+    assert_array_equal(buffer.outlying, [False, False, True])

@@ -13,6 +13,7 @@ from skmotionseg._core.stream.identities import (
     SIZES,
     Numbers,
     Trace,
+    going_on,
 )
 
 SIZE = np.array([640.0, 480.0])
@@ -138,3 +139,12 @@ def test_what_has_come_again_is_likely_to_come_again():
         assert numbers.of(at(2, 500.0, 100.0), SIZE, {0}) == (1, True)
     numbers.hide(1)
     assert numbers.of(place, SIZE, {0}) == (1, True)
+
+
+def test_groups_go_on_with_what_most_of_their_tracks_had():
+    shared = np.array([[40, 2, 0], [3, 30, 0], [0, 0, 2]])
+    assert going_on(shared, [0, 4, 7]) == {0: 0, 1: 4}  # two tracks tell nothing
+    # A part of a larger motion is new.
+    assert going_on(np.array([[40, 0], [12, 0]]), [0, 4]) == {0: 0}
+    assert going_on(np.zeros((0, 2), dtype=int), [0, 4]) == {}
+    assert going_on(np.zeros((2, 0), dtype=int), []) == {}

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from skmotionseg._core.geometry.windows import FOCAL_LENGTHS
 from skmotionseg._core.stream import starting
+from skmotionseg._core.stream.buffer import TrackBuffer
 from skmotionseg._core.stream.window import LENGTH, Camera
 
 FOCAL, SIZE = 700.0, np.array([640, 480])
@@ -58,3 +60,23 @@ def test_groups_of_few_tracks_tell_no_camera(first_frames):
     found = starting.calibrate(points, seen, rows, [groups[0][:3]])
     assert found.nats == np.inf
     assert found.fits == [None]
+
+
+def test_beginning_has_all_tracks(first_frames):
+    points, seen, *_ = first_frames
+    beginning, buffer = starting.Beginning(), TrackBuffer(LENGTH)
+    names = 3 * np.arange(len(points))[::-1]  # in no order
+    for frame in range(LENGTH):
+        some = seen[:, frame]
+        beginning.push(points[some, frame], names[some])
+        buffer.push(points[some, frame], names[some])
+    often = seen.any(axis=1)
+    for each in (beginning, starting.Beginning.of(buffer, LENGTH)):
+        ids, places, visible = each.tracks()
+        assert_array_equal(ids, names[often][::-1])
+        assert_array_equal(places, points[often][::-1])
+        assert_array_equal(visible, seen[often][::-1])
+    newest = starting.Beginning.of(buffer, 3)
+    assert len(newest) == 3
+    assert_array_equal(newest.frames[-1][0], beginning.frames[-1][0][::-1])
+    assert not newest.is_over

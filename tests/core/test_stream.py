@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from helpers.films import film
+from numpy.testing import assert_array_equal
 
+from skmotionseg._core.stream.starting import SEARCHED_AGAIN
 from skmotionseg._core.stream.stream import FIRST_FRAMES, MotionStream
+
+
+def told(movie, known=lambda things, n_frames: things):
+    """A partition that recognises tracks of a film, of which something is known."""
+
+    def partition(points, seen):
+        near = np.flatnonzero(seen.sum(axis=1) >= 4)
+        assert_array_equal(near, np.arange(len(points)))
+        rows = [
+            np.flatnonzero((movie.points == p[s][0]).all(axis=2).any(axis=1))[0]
+            for p, s in zip(points, seen, strict=True)
+        ]
+        return known(movie.things[rows], int(seen.any(axis=0).sum()))
+
+    return partition
 
 
 def test_motions_that_are_told_go_on():
     movie = film(n_frames=FIRST_FRAMES + 8, life=60, n_static=150, n_moving=60)
     stream = MotionStream(None, np.random.RandomState(0))
-
-    def partition(points, seen):
-        rows = stream.buffer.seen.sum(axis=1) >= 4
-        return movie.things[stream.buffer.ids[rows]]
-
+    partition = told(movie)
     for frame in range(movie.n_frames):
         points, ids = movie.frame(frame)
         labels, _ = stream.step(points, ids, partition)
@@ -35,3 +49,85 @@ def test_nothing_begins_without_a_partition():
         )
         assert not events
     assert (labels == -1).all()
+
+
+def play(movie, partition, n_motions=None):
+    """Labels of the newest frame, the stream, and all events."""
+    stream, happened = MotionStream(n_motions, np.random.RandomState(0)), []
+    for frame in range(movie.n_frames):
+        points, ids = movie.frame(frame)
+        labels, events = stream.step(points, ids, partition)
+        happened += [(event.kind, event.frame) for event in events]
+    return labels, ids, stream, happened
+
+
+@pytest.fixture(scope="module")
+def movie():
+    return film(n_frames=SEARCHED_AGAIN[1], life=14, n_static=260, n_moving=120)
+
+
+def without_the_thing(things, n_frames):
+    """What a search says that misses the thing in the first frames."""
+    return things if n_frames >= SEARCHED_AGAIN[0] else np.zeros_like(things)
+
+
+def only_at_first(things, n_frames):
+    """What a search says that misses the thing later."""
+    return things if n_frames < SEARCHED_AGAIN[0] else np.zeros_like(things)
+
+
+def test_what_first_frames_do_not_show_is_found_when_they_are_searched_again(
+    movie, monkeypatch
+):
+    nothing = None, np.arange(0)
+    name = "skmotionseg._core.stream.stream.find_candidate"
+    monkeypatch.setattr(name, lambda *args: nothing)  # nor is it found between searches
+    labels, ids, stream, happened = play(movie, told(movie, without_the_thing))
+    assert happened == [
+        ("start", FIRST_FRAMES - 1),
+        ("new", SEARCHED_AGAIN[0] - 1),
+    ]
+    assert (labels == movie.things[ids]).mean() > 0.97
+    # Also tracks that had left by then, and were taken for the scene's.
+    ids, labels = stream.result()
+    left = ~movie.seen[ids, SEARCHED_AGAIN[0] - 1 :].any(axis=1)
+    left &= (movie.seen[ids].sum(axis=1) >= 4) & (movie.things[ids] == 1)
+    assert left.sum() >= 3
+    assert (labels[left] == 1).mean() > 0.9
+
+
+def test_a_search_ends_no_motion(movie):
+    labels, ids, _, happened = play(movie, told(movie, only_at_first))
+    assert happened == [("start", FIRST_FRAMES - 1)]
+    assert (labels == movie.things[ids]).mean() > 0.97
+
+
+def in_two(things, n_frames):
+    """What a search says that makes two motions of the scene later."""
+    halves = np.where(np.arange(len(things)) % 3 == 0, 2, 0)
+    return np.where(things == 0, halves * (n_frames >= SEARCHED_AGAIN[0]), things)
+
+
+def test_motions_that_the_last_frames_do_not_tell_apart_do_not_begin(movie):
+    labels, ids, _, happened = play(movie, told(movie, in_two))
+    assert happened == [("start", FIRST_FRAMES - 1)]
+    assert (labels == movie.things[ids]).mean() > 0.97
+
+
+def test_a_search_gives_no_more_numbers_than_motions(movie):
+    labels, _, stream, _ = play(movie, told(movie, without_the_thing), n_motions=1)
+    assert labels.max() == 0
+    assert stream.numbers.next == 1
+
+
+def test_frames_are_kept_until_the_last_search():
+    movie = film(n_frames=SEARCHED_AGAIN[-1], life=20, n_static=90, n_moving=30)
+    asked = []
+
+    def known(things, n_frames):
+        asked.append(n_frames)
+        return things
+
+    _, _, stream, _ = play(movie, told(movie, known))
+    assert asked == [FIRST_FRAMES, *SEARCHED_AGAIN]
+    assert stream.beginning is None

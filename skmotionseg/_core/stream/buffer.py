@@ -87,6 +87,23 @@ class TrackBuffer:
         """Set labels; tracks that go to a candidate keep those of before in mind."""
         self.before, self.labels = self.shown(), labels
 
+    def add_motion(self):
+        """Make room for one more living motion, against which nothing speaks yet."""
+        self.memory = np.pad(self.memory, ((0, 0), (0, 1)))
+
+    def settle(self, rows, label, column):
+        """Give tracks a label against which nothing speaks any longer.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+        label, column : int
+            Of the motion, and where it is in the memory.
+        """
+        self.labels[rows], self.outlying[rows] = label, False
+        own = self.memory[rows, column][:, None]
+        self.memory[rows] = np.maximum(self.memory[rows] - own, 0)
+
     def release(self, label):
         """Give the tracks of a candidate the label of before."""
         self.labels = np.where(self.labels == label, self.before, self.labels)

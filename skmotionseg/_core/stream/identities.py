@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.special import expit
 
 # Tracks that show where a motion is.
@@ -16,6 +17,9 @@ FORGETS, LEARNT, ANYWHERE = 21.0, 67.0, 0.28
 # Standard deviation of the logarithm of its radius, then from now; and that of any
 # motion: its mean, in widths of the picture, and standard deviation.
 SIZE_CHANGES, ANY_SIZE, SIZES = 0.6, 0.06, 0.8
+# A motion goes on if it shares this part of the tracks that the smaller of two groups
+# shares with others, and so many.
+SHARED_PART, SHARED_TRACKS = 0.5, 3
 # Frames after which a motion that nobody sees is given up.
 MOST_ABSENT = 100
 
@@ -129,6 +133,26 @@ class Trace(NamedTuple):
 
 def _log_normal(value, mean, variance):
     return -((value - mean) ** 2 / variance + np.log(2 * np.pi * variance)) / 2
+
+
+def going_on(shared, living):
+    """Number of each group that goes on: {group: number}.
+
+    Parameters
+    ----------
+    shared : ndarray of int, shape (n_groups, n_living)
+        Tracks of each group that had each of these numbers.
+    living : list of int
+    """
+    if not shared.size:
+        return {}
+    rows, columns = linear_sum_assignment(-shared)
+    known = np.minimum(shared.sum(axis=1)[:, None], shared.sum(axis=0))
+    return {
+        int(k): living[j]
+        for k, j in zip(rows, columns, strict=True)
+        if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
+    }
 
 
 class Numbers:

@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.special import logit
 
-from .identities import Numbers, Trace
+from .identities import SHARED_TRACKS, Numbers, Trace, going_on
 
 # Frames of a window, and frames that it shares with the next.
 WINDOW, OVERLAP = 30, 10
 # Frames of a window in which its tracks are seen, if they are anywhere.
 FEWEST_SEEN = 5
-# A motion goes on if it shares this part of the tracks that the smaller of two groups
-# shares with others, and so many.
-SHARED_PART, SHARED_TRACKS = 0.5, 3
 # Probability below which a motion is part of another, if windows before or after its
 # own say so; and what a window says at most.
 SURE, MOST_SURE = 0.95, 0.999
@@ -176,13 +172,7 @@ class Joiner:
                 for rows in groups
             ]
         )
-        rows, columns = linear_sum_assignment(-shared)
-        known = np.minimum(shared.sum(axis=1)[:, None], shared.sum(axis=0))
-        return {
-            int(k): living[j]
-            for k, j in zip(rows, columns, strict=True)
-            if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
-        }
+        return going_on(shared, living)
 
     def _number_of(self, tracks, first, living):
         """Number of a group that does not go on; -1 of one that nothing tells.

@@ -12,6 +12,8 @@ from .window import Camera, Window
 
 # The scale of residuals, in units of their median.
 SCALE_OF_NOISE = 2.0
+# Frames after which a young stream is searched again, as a clip of all of its frames.
+SEARCHED_AGAIN = 15, 22, 33
 
 
 class Calibration(NamedTuple):
@@ -32,6 +34,59 @@ class Calibration(NamedTuple):
     camera: Camera
     fits: list[Any]
     scale: float
+
+
+class Beginning:
+    """The frames of a stream that is young.
+
+    Attributes
+    ----------
+    frames : list of (ndarray of shape (n_seen, 2), ndarray of int, shape (n_seen,))
+        Points, in pixels, and ids.
+    """
+
+    def __init__(self):
+        self.frames: list[Any] = []
+
+    @classmethod
+    def of(cls, buffer, n_frames):
+        """The newest frames of a buffer."""
+        own = cls()
+        for column in range(buffer.seen.shape[1])[-n_frames:]:
+            seen = buffer.seen[:, column]
+            own.push(buffer.points[seen, column], buffer.ids[seen])
+        return own
+
+    def __len__(self):
+        return len(self.frames)
+
+    @property
+    def is_over(self):
+        """Whether it will not be searched again."""
+        return len(self) >= SEARCHED_AGAIN[-1]
+
+    def push(self, points, ids):
+        """Go on by a frame."""
+        self.frames.append((points, ids))
+
+    def tracks(self):
+        """All tracks so far.
+
+        Returns
+        -------
+        ids : ndarray of int, shape (n,)
+            Ascending.
+        points : ndarray of shape (n, n_frames, 2)
+            Pixels; 0 where unseen.
+        seen : ndarray of bool, shape (n, n_frames)
+        """
+        ids = np.unique(np.concatenate([ids for _, ids in self.frames]))
+        points = np.zeros((len(ids), len(self), 2))
+        seen = np.zeros(points.shape[:2], dtype=bool)
+        for frame, (places, names) in enumerate(self.frames):
+            rows = np.searchsorted(ids, names)
+            points[rows, frame], seen[rows, frame] = places, True
+        return ids, points, seen
 
 
 def calibrate(points, seen, rows, groups):

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
-from .births import LEAST_FREEDOM, find_candidate, joint_motions
+from .births import LEAST_FREEDOM, apartness, find_candidate, joint_motions
 from .buffer import UNKNOWN, TrackBuffer
 from .focal_length import FRAMES_PER_COMPARISON, FocalLength
 from .following import (
@@ -18,9 +18,17 @@ from .following import (
     may_join,
 )
 from .history import History
-from .identities import Numbers, Trace
-from .living import LivingMotion, advance, compare, refit, verdict
-from .starting import SCALE_OF_NOISE, calibrate
+from .identities import Numbers, Trace, going_on
+from .living import (
+    ALIKE,
+    ESTABLISHED,
+    LivingMotion,
+    advance,
+    compare,
+    refit,
+    verdict,
+)
+from .starting import SCALE_OF_NOISE, SEARCHED_AGAIN, Beginning, calibrate
 from .window import FEWEST_TRACKS, LENGTH, Window
 
 # Frames, tracks and observations of each by which motions are found at first.
@@ -78,6 +86,8 @@ class MotionStream:
         Of the residuals, in calibrated coordinates.
     size : ndarray of shape (2,)
         Of the picture, pixels: of what the first tracks cover.
+    beginning : Beginning or None
+        All frames, until the last search.
     """
 
     def __init__(self, n_motions, rng, keep_history=True):
@@ -91,7 +101,7 @@ class MotionStream:
         self.size = np.ones(2)
         self.focal_length = FocalLength()
         self.scale = 0.0
-        self.first = 0  # frame since which motions are looked for, where there are none
+        self.beginning: Any = Beginning()
         self.broken = 0  # frames in which no track of before goes on
 
     def step(self, points, ids, partition):
@@ -116,8 +126,11 @@ class MotionStream:
         rows, new, gone = self.buffer.push(points, ids)
         self._recall(new, gone)
         events = self._continuity(len(ids))
+        if self.beginning is not None:
+            self.beginning.push(points, ids)
         if self.motions:
             events += self._follow()
+            events += self._search_again(partition)
         if not self.motions:
             events += self._start(partition)
         return self.labels()[rows], events
@@ -159,12 +172,14 @@ class MotionStream:
 
     def _start(self, partition):
         """Find motions among the tracks of the first frames."""
-        if self.frame - self.first + 1 < FIRST_FRAMES:
+        if self.beginning is None:
+            self.beginning = Beginning.of(self.buffer, LENGTH)
+        del self.beginning.frames[:-LENGTH]
+        if len(self.beginning) < FIRST_FRAMES:
             return []
         rows = np.flatnonzero(self.buffer.seen.sum(axis=1) >= FIRST_SEEN)
         if len(rows) < FIRST_TRACKS:
             return []
-        self.first = self.frame + 1  # to look again, if nothing is found
         labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
         groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
         found = calibrate(self.buffer.points, self.buffer.seen, rows, groups)
@@ -173,25 +188,115 @@ class MotionStream:
             self.size = _covered(self.buffer.points[self.buffer.seen])
         for k, (group, fit) in enumerate(zip(groups, found.fits, strict=True)):
             if fit is not None:
-                self._begin(group, fit, static=k == 0)
+                number, _ = self._begin(group, fit, static=k == 0)
+                self.buffer.labels[group] = UNKNOWN if number is None else number
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
         if self.motions:  # also tracks that are too short to find motions by follow one
             window = Window(self.buffer.points, self.buffer.seen, self.camera)
             self._assign(window, fitted_groups(self.buffer, self.motions))
+        else:
+            self.beginning = Beginning()  # to look again
         names = ", ".join(str(motion.number) for motion in self.motions)
         return [Event(self.frame, "start", f"motions {names}")] if names else []
 
     def _begin(self, group, fit, static):
-        """Let a motion live that was found at a start."""
+        """Let a motion live that a search found; say which, and if it did before."""
         buffer = self.buffer
         trace = self._trace(group)
         living = {motion.number for motion in self.motions}
         former = 0 if static else _most(buffer.labels[group])
-        number, _ = self.numbers.of(trace, self.size, living, former, self.n_motions)
+        number, again = self.numbers.of(
+            trace, self.size, living, former, self.n_motions
+        )
         if number is not None:
-            buffer.labels[group] = number
             self.numbers.see(number, trace)
             self.motions.append(LivingMotion(number, fit, self.frame))
+        return number, again
+
+    def _search_again(self, partition):
+        """Search all frames, as long as they are few, for motions that were missed."""
+        beginning = self.beginning
+        if beginning is None or len(beginning) not in SEARCHED_AGAIN:
+            return []
+        if beginning.is_over:
+            self.beginning = None
+        ids, points, seen = beginning.tracks()
+        often = seen.sum(axis=1) >= FIRST_SEEN
+        if often.sum() < FIRST_TRACKS:
+            return []
+        labels = np.full(len(ids), UNKNOWN)
+        labels[often] = partition(points[often], seen[often])
+        return self._renew(ids, labels) if labels.max() > UNKNOWN else []
+
+    def _renew(self, ids, labels):
+        """Motions of a new partition of all tracks so far, and those that live.
+
+        None that lives is taken away: a search of so few frames misses small things
+        more often than a stream makes motions of nothing.
+        """
+        buffer = self.buffer
+        for column in reversed(range(len(self.motions))):
+            if self.motions[column].is_candidate:
+                self._remove(column, "dropped", None, [])
+        groups, names = self._recognised(ids, labels)
+        window = Window(buffer.points, buffer.seen, self.camera)
+        events: list[Event] = []
+        for k, fit in enumerate(window.fit(groups)):
+            if fit is not None:
+                names[k] = self._renew_one(window, groups[k], fit, names[k], events)
+        if self.history is not None:
+            told = np.where(labels > UNKNOWN, names[labels], UNKNOWN)
+            gone = ~np.isin(ids, buffer.ids) & (told > UNKNOWN)
+            self.history.add(ids[gone], told[gone])
+        if self.motions:
+            self._assign(window, fitted_groups(buffer, self.motions))
+        return events
+
+    def _recognised(self, ids, labels):
+        """Rows of the groups of a partition, and their numbers if they have them.
+
+        Tracks of living motions that are no group remain where they are.
+        """
+        buffer = self.buffer
+        new = np.full(len(buffer.ids), UNKNOWN)
+        here = np.isin(ids, buffer.ids)
+        new[np.searchsorted(buffer.ids, ids[here])] = labels[here]
+        groups = [np.flatnonzero(new == k) for k in range(labels.max() + 1)]
+        living = [motion.number for motion in self.motions]
+        shared = [[np.sum(buffer.labels[g] == n) for n in living] for g in groups]
+        known = going_on(np.array(shared), living)
+        kept = sorted(set(living) - set(known.values()))
+        left = [rows[~np.isin(buffer.labels[rows], kept)] for rows in groups]
+        return left, np.array([known.get(k, UNKNOWN) for k in range(len(groups))])
+
+    def _renew_one(self, window, group, fit, number, events):
+        """Give a living motion the tracks of a group, or let one begin; its number."""
+        if number == UNKNOWN:
+            if self._is_alike(window, group, fit):
+                return UNKNOWN
+            number, again = self._begin(group, fit, static=False)
+            if number is None:
+                return UNKNOWN
+            events.append(_appeared(self.frame, number, again))
+            self.buffer.add_motion()
+        else:
+            (motion,) = (m for m in self.motions if m.number == number)
+            motion.fit, motion.refitted = fit, self.frame
+            motion.alike = motion.together = 0
+            motion.apart = max(motion.apart, ESTABLISHED)
+        column = [m.number for m in self.motions].index(number)
+        self.buffer.settle(group, number, column)
+        return number
+
+    def _is_alike(self, window, group, fit):
+        """Whether a motion that lives explains the tracks of another nearly as well.
+
+        What the frames of a window do not tell apart cannot be carried on apart.
+        """
+        rows = group[window.freedom[group] >= LEAST_FREEDOM]
+        fits = [fit, *(motion.fit for motion in self.motions)]
+        apart = apartness(window, measure(window, fits, self.scale, rows), 0)
+        return apart.min() < ALIKE
 
     # ------------------------------------------------------------------ from then on
 
@@ -238,7 +343,7 @@ class MotionStream:
         self.motions, self.broken = [], 0
         self.numbers.forget_all()
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
-        self.first = self.frame - CUT_AFTER + 1
+        self.beginning = Beginning.of(self.buffer, CUT_AFTER)
 
     def _assign(self, window, groups):
         """Residuals of all tracks from all motions, by which tracks follow one."""
@@ -384,8 +489,7 @@ class MotionStream:
         self.buffer.labels = np.where(own, number, self.buffer.labels)
         motion.number, motion.apart = number, 0
         motion.source = _most(self.buffer.before[rows])
-        kind, words = ("again", "is seen again") if again else ("new", "is new")
-        events.append(Event(self.frame, kind, f"motion {number} {words}"))
+        events.append(_appeared(self.frame, number, again))
         return None
 
     def _fading(self):
@@ -453,16 +557,18 @@ class MotionStream:
         )
         if fit is None:
             return
-        least = buffer.memory[members].min(axis=1, initial=0)
-        memory = np.zeros((len(buffer.ids), 1))
-        memory[members, 0] = least
-        buffer.memory = np.concatenate([buffer.memory, memory], axis=1)
+        buffer.add_motion()
         number = UNKNOWN - 1 - self.frame
         self.motions.append(LivingMotion(number, fit, self.frame))
         labels = buffer.labels.copy()
         labels[members] = number
         buffer.follow(labels)
         buffer.outlying[members] = False
+
+
+def _appeared(frame, number, again):
+    kind, words = ("again", "is seen again") if again else ("new", "is new")
+    return Event(frame, kind, f"motion {number} {words}")
 
 
 def _covered(points):
