@@ -707,8 +707,8 @@ estimator, default="description_length"
         ---...---
               1         0.0...    9...     9...   cost higher by ...
               2         0.0...    4...     4...   cost higher by ...
-              3         0.0...    2...     3...   chosen
-              4         0.0...    2...     3...   motions ... are one (99 %)
+              3         0.0...    2...     2...   chosen
+              4         0.0...    2...     2...   motions ... are one (99 %)
         total = 4 x links to other motions + nats per track
         Number of motions: 3 with 99 %; next, ...
         """

@@ -54,7 +54,7 @@ FEWEST_LINKS = 0.01
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, say no more.
 MOST_GAIN = 5.0
-# The least spread of inverse depths, against division by zero.
+# The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
@@ -240,8 +240,8 @@ class RigidSearch:
         motions = self.windows.fit(groups)
         costs = self.costs(motions)
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
-        far = abs(np.log(focal_length / USUAL_FOCAL_LENGTH))
-        total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * far
+        unusual = abs(np.log(focal_length / USUAL_FOCAL_LENGTH))
+        total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * unusual
         return total, motions
 
     def costs(self, motions):
@@ -569,8 +569,11 @@ def _far_in_window(*sides):
         for (depths, _), median in zip(sides, medians, strict=True)
     )
     gap = abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
-    nearest = min(np.median(np.abs(depths) / error) for depths, error in sides)
-    return np.log(max(gap, 1)) / (1 + nearest)
+    farther = min(
+        np.median(np.abs(depths) / np.maximum(error, LEAST_SPREAD))
+        for depths, error in sides
+    )
+    return np.log(max(gap, 1)) / (1 + farther)
 
 
 def _links_of(affinity):
