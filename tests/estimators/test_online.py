@@ -41,7 +41,7 @@ def kinds(events):
 
 @pytest.fixture(scope="module")
 def movie():
-    return film(n_frames=40, n_static=190, n_moving=80, life=22)
+    return film(n_frames=40, n_static=120, n_moving=50, life=22)
 
 
 @pytest.fixture(scope="module")
