@@ -10,9 +10,8 @@ infinity, gives the constants of ``skmotionseg._core.partition.rigid_search``. M
 pairs are compared in a clip, and one that is taken for two by chance makes the number
 wrong; so the prior is not that of the regression, but lets one in 300 such pairs pass.
 All are divided by what makes the coefficient of the links that of today, because the
-search weighs log odds against nats. With ``--data DIR``,
-the same for pairs of real sequences, with the coefficients of the simulated ones, for
-comparison::
+search weighs log odds against nats. With ``--data DIR``, the same for pairs of real
+sequences, with the coefficients of the simulated ones, for comparison::
 
     python -m benchmarks.apartness --scenes 8 --data DIR
 """

@@ -189,11 +189,9 @@ def inverse_depths(x, seen, poses):
 
 def _error_of_last(normal):
     """Standard deviation (B, n) of the last of three unknowns, by ``UPPER`` entries."""
-    a, b, c, d, e, f = np.moveaxis(normal, 1, 0)
-    minor = a * d - b * b
-    determinant = minor * f - a * e * e - d * c * c + 2 * b * c * e
-    least = np.finfo(float).tiny
-    return np.sqrt(np.maximum(minor, 0) / np.maximum(determinant, least))
+    last = np.zeros((len(normal), 3, normal.shape[-1]))
+    last[:, 2] = 1
+    return np.sqrt(np.maximum(_solve_points(normal, last, 0.0)[:, 2], 0))
 
 
 def _placed(x, seen, poses):
