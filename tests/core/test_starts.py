@@ -46,7 +46,7 @@ def test_the_best_directions_differ():
     directions = _directions(N_DIRECTIONS)
     scores = 1 - np.abs(directions @ [0.6, 0, 0.8])[None]
     best = directions[_best_apart(scores, directions, 3)[0]]
-    assert abs(best[0] @ [0.6, 0, 0.8]) == 1 - scores.min()
+    assert_allclose(abs(best[0] @ [0.6, 0, 0.8]), 1 - scores.min())
     cosines = np.abs(best @ best.T)[np.triu_indices(3, 1)]
     assert cosines.max() < np.cos(np.radians(DEGREES_APART))
 
