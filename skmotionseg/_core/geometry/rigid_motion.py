@@ -135,12 +135,7 @@ def refine_rigid_motions(
         By which starts for the same tracks compare.
     """
     problems = observed(x, seen, weights, floor, reference)
-    poses = relative_to(poses, problems.reference[:, 0])
-    places = np.arange(len(x)), _frames(problems)
-    rotations, translations = (each[places] for each in poses)
-    depths = _depths(problems, rotations, translations)
-    state = _state(problems, rotations, translations, depths)
-    state = _minimise(problems, state, iterations)
+    state = _minimise(problems, _state_of(problems, poses), iterations)
     return _poses(problems, state), _cost(problems, state, problems.floor)
 
 
@@ -185,6 +180,61 @@ def inverse_depths(x, seen, poses):
     ]
     depths, errors = (np.concatenate(each, axis=1) for each in zip(*found, strict=True))
     return depths, errors
+
+
+def camera_information(x, seen, weights, floor, reference, poses, derivatives):
+    """What motions of groups tell of the camera, their poses and depths being free.
+
+    Parameters
+    ----------
+    x, seen, weights, floor, reference
+        As for :func:`fit_rigid_motions`.
+    poses : Poses
+        Of the groups.
+    derivatives : callable
+        Of calibrated coordinates (2, ...) of fixed pixels by P parameters of the
+        camera: ``x -> (P, 2, ...)``.
+
+    Returns
+    -------
+    information : ndarray of shape (B, P, P)
+        Fisher information, as if residuals were independent.
+    gradient : ndarray of shape (B, P)
+        Of the log likelihood: times the inverse of the information, it is how far the
+        parameters are from the likeliest.
+
+    Notes
+    -----
+    Derivatives are taken at images as the motions predict them, not at those observed:
+    these have the noise of the residuals in them, and would say that everything is to
+    be made smaller.
+    """
+    problems = observed(x, seen, weights, floor, reference)
+    state = _minimise(problems, _state_of(problems, poses), LAST_ITERATIONS)
+    root = _root_of_weights(problems, state, _scale(problems, state))
+    left = state.residuals * root
+    some = _reduced(problems, state, root, left, np.zeros(len(x)))
+    rows = _camera_rows(problems, state, derivatives) * root  # (P, 2, L, B, n)
+    P, _, L, B, n = rows.shape
+    of_depths = (rows * some.depths).sum(axis=(1, 2)).swapaxes(0, 1)  # (B, P, n)
+    shares = of_depths / some.of_depths[:, None]
+    of_poses = np.einsum("cklbn,pclbn->bklp", some.poses, rows).reshape(B, 6 * L, P)
+    of_poses -= some.mixed @ shares.swapaxes(-1, -2)
+    flat = np.moveaxis(rows, 3, 0).reshape(B, P, -1)
+    information = flat @ flat.swapaxes(-1, -2) - shares @ of_depths.swapaxes(-1, -2)
+    gradient = flat @ np.moveaxis(left, 2, 0).reshape(B, -1, 1)
+    gradient -= shares @ some.right_depths[..., None]
+    both = np.concatenate([of_poses, some.right], axis=2)
+    solved = of_poses.swapaxes(-1, -2) @ np.linalg.solve(some.matrix, both)
+    return information - solved[..., :P], (gradient - solved[..., P:])[..., 0]
+
+
+def _camera_rows(problems, state, derivatives):
+    """Derivatives of predicted images by the camera, less those of fixed pixels."""
+    rays = derivatives(problems.rays[:2])  # (P, 2, B, n)
+    turned = np.einsum("lbij,pjbn->pilbn", state.rotations[..., :2], rays)
+    moved = (turned[:, :2] - state.image * turned[:, 2:]) / state.distance
+    return (moved - derivatives(state.image)) * problems.seen
 
 
 def _error_of_last(normal):
@@ -306,6 +356,15 @@ def _poses(problems, state):
     return Poses(rotations, translations)
 
 
+def _state_of(problems, poses):
+    """The state of given poses, at the depths of least algebraic error."""
+    poses = relative_to(poses, problems.reference[:, 0])
+    places = np.arange(len(problems.rays[0])), _frames(problems)
+    rotations, translations = (each[places] for each in poses)
+    depths = _depths(problems, rotations, translations)
+    return _state(problems, rotations, translations, depths)
+
+
 def _state(problems, rotations, translations, depths):
     image, turned, distance = images_of(problems.rays, depths, rotations, translations)
     residuals = (problems.x - image) * problems.seen
@@ -350,12 +409,21 @@ def _minimise(problems, state, iterations):
     return found
 
 
-def _stepped(problems, state, scale, damping):
-    """The state after one damped Gauss-Newton step, the depths eliminated."""
+class _Reduced(NamedTuple):
+    """Normal equations of the poses of a batch, the depths eliminated."""
+
+    matrix: np.ndarray  # (B, 6 L, 6 L)
+    right: np.ndarray  # (B, 6 L, 1)
+    poses: np.ndarray  # (2, 6, L, B, n), derivatives of images by poses
+    depths: np.ndarray  # (2, L, B, n), and by depths
+    mixed: np.ndarray  # (B, 6 L, n), products of both
+    of_depths: np.ndarray  # (B, n), of depths with themselves
+    right_depths: np.ndarray  # (B, n)
+
+
+def _reduced(problems, state, root, left, damping):
+    """The equations for some weights (B, n) and weighted residuals."""
     L, B, n = problems.seen.shape
-    spread = FREEDOM * scale**2 + state.squares
-    root = np.sqrt(problems.weights * (FREEDOM + problems.freedom) / spread)  # (B, n)
-    left = state.residuals * root
     poses, depths = _jacobians(problems, state, root)
     normal, right = normal_equations(poses, left)  # (L, B, 6, 6), (L, B, 6, 1)
     mixed = poses[0] * depths[0] + poses[1] * depths[1]  # (6, L, B, n)
@@ -364,11 +432,26 @@ def _stepped(problems, state, scale, damping):
     of_depths += 1e-9 * of_depths.max(axis=1, keepdims=True) + 1e-30
     right_depths = (depths * left).sum(axis=(0, 1))  # (B, n)
     shares = mixed / of_depths[:, None]
-    reduced = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
+    matrix = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
     right = right.transpose(1, 2, 0, 3).reshape(B, 6 * L, 1)
     right = right - shares @ right_depths[..., None]
-    change = np.linalg.solve(reduced, right)[..., 0]  # (B, 6 L)
-    change_depths = (right_depths - (change[:, None] @ mixed)[:, 0]) / of_depths
+    return _Reduced(matrix, right, poses, depths, mixed, of_depths, right_depths)
+
+
+def _root_of_weights(problems, state, scale):
+    """Square roots (B, n) of the weights of tracks, over the scale of residuals."""
+    spread = FREEDOM * scale**2 + state.squares
+    return np.sqrt(problems.weights * (FREEDOM + problems.freedom) / spread)
+
+
+def _stepped(problems, state, scale, damping):
+    """The state after one damped Gauss-Newton step, the depths eliminated."""
+    L, B, _ = problems.seen.shape
+    root = _root_of_weights(problems, state, scale)
+    some = _reduced(problems, state, root, state.residuals * root, damping)
+    change = np.linalg.solve(some.matrix, some.right)[..., 0]  # (B, 6 L)
+    explained = (change[:, None] @ some.mixed)[:, 0]
+    change_depths = (some.right_depths - explained) / some.of_depths
     change = change.reshape(B, 6, L).transpose(2, 0, 1)  # (L, B, 6)
     return _state(
         problems,

@@ -165,6 +165,8 @@ class Numbers:
     traces : dict of int to Trace
     hidden : set of int
         Motions that nobody sees.
+    proven : set of int
+        Motions that were apart from all others for long, and are not given up.
     merged : dict of int to int
         Numbers that turned out to be of a motion with another number.
     n_again, n_new : float
@@ -177,6 +179,7 @@ class Numbers:
         self.next = 0
         self.traces = {}
         self.hidden = set()
+        self.proven = set()
         self.merged = {}
         self.n_again = self.n_new = 1.0
 
@@ -211,7 +214,7 @@ class Numbers:
 
     def forget_all(self):
         """Give up all motions."""
-        self.traces, self.hidden = {}, set()
+        self.traces, self.hidden, self.proven = {}, set(), set()
 
     def of(self, first, size, living, former=None, most=None, fading=(), shared=None):
         """Number of a motion that has appeared, and whether it was there before.
@@ -280,4 +283,5 @@ class Numbers:
 
     def _drop(self, number):
         self.hidden.discard(number)
+        self.proven.discard(number)
         self.traces.pop(number, None)

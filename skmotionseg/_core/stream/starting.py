@@ -6,12 +6,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..geometry.camera import Camera
 from ..geometry.windows import best_focal_length
 from .assignment import measure
-from .window import Camera, Window
+from .calibration import CameraEstimate
+from .window import Window
 
 # The scale of residuals, in units of their median.
 SCALE_OF_NOISE = 2.0
+# Steps in which the first camera is improved.
+FIRST_STEPS = 3
 # Frames after which a young stream is searched again, as a clip of all of its frames.
 SEARCHED_AGAIN = 15, 22, 33
 
@@ -90,7 +94,7 @@ class Beginning:
 
 
 def calibrate(points, seen, rows, groups):
-    """The focal length at which the motions of groups explain tracks best.
+    """The camera by which the motions of groups explain tracks best.
 
     Parameters
     ----------
@@ -103,8 +107,10 @@ def calibrate(points, seen, rows, groups):
 
     Returns
     -------
-    Calibration
-        The best of a few focal lengths, improved in ever smaller steps.
+    found : Calibration
+        The best of a few focal lengths, improved in ever smaller steps; and then
+        together with the lens, as far as these frames tell it.
+    estimate : CameraEstimate
     """
     tried: dict[float, Calibration] = {}
 
@@ -114,7 +120,19 @@ def calibrate(points, seen, rows, groups):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    return tried[best_focal_length(nats)]
+    best = tried[best_focal_length(nats)]
+    estimate = CameraEstimate(float(np.ptp(points[seen], axis=0).max()))
+    if not np.isfinite(best.nats):
+        return best, estimate
+    for _ in range(FIRST_STEPS):
+        window = Window(points, seen, best.camera)
+        known = [k for k, fit in enumerate(best.fits) if fit]
+        camera, precision = estimate.improved(
+            window, [groups[k] for k in known], [best.fits[k] for k in known]
+        )
+        best = _seen_by(camera, points, seen, rows, groups)
+    estimate.add(camera, precision)
+    return best, estimate
 
 
 def _seen_by(camera, points, seen, rows, groups):

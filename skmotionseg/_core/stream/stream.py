@@ -9,7 +9,7 @@ import numpy as np
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, apartness, find_candidate, joint_motions
 from .buffer import UNKNOWN, TrackBuffer
-from .focal_length import FRAMES_PER_COMPARISON, FocalLength
+from .calibration import FRAMES_PER_ESTIMATE, CameraEstimate
 from .following import (
     are_doubtful,
     can_be_told,
@@ -81,7 +81,8 @@ class MotionStream:
     history : History or None
     camera : Camera or None
         None as long as no motion was found.
-    focal_length : FocalLength
+    estimate : CameraEstimate or None
+        What is known of the camera.
     scale : float
         Of the residuals, in calibrated coordinates.
     size : ndarray of shape (2,)
@@ -99,7 +100,7 @@ class MotionStream:
         self.motions: list[LivingMotion] = []
         self.camera: Any = None
         self.size = np.ones(2)
-        self.focal_length = FocalLength()
+        self.estimate: Any = None
         self.scale = 0.0
         self.beginning: Any = Beginning()
         self.broken = 0  # frames in which no track of before goes on
@@ -182,7 +183,9 @@ class MotionStream:
             return []
         labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
         groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
-        found = calibrate(self.buffer.points, self.buffer.seen, rows, groups)
+        found, self.estimate = calibrate(
+            self.buffer.points, self.buffer.seen, rows, groups
+        )
         if np.isfinite(found.nats):
             self.camera, self.scale = found.camera, found.scale
             self.size = _covered(self.buffer.points[self.buffer.seen])
@@ -321,20 +324,18 @@ class MotionStream:
         return events
 
     def _calibrate(self, window):
-        """Change the focal length if another explains the motions better."""
-        if self.frame % FRAMES_PER_COMPARISON != COMPARED_AT or not self.motions:
+        """Improve the camera."""
+        if self.frame % FRAMES_PER_ESTIMATE != COMPARED_AT or not self.motions:
             return
-        camera, fits = self.focal_length.compare(
-            window,
-            self.scale,
-            fitted_groups(self.buffer, self.motions),
-            [motion.fit for motion in self.motions],
-            self.size.max(),
-        )
+        groups = fitted_groups(self.buffer, self.motions)
+        fits = [motion.fit for motion in self.motions]
+        camera, precision = self.estimate.improved(window, groups, fits)
+        self.estimate.add(camera, precision)
+        refined = window.seen_by(camera).fit(groups, fits)
         self.scale *= self.camera.unit / camera.unit
         self.camera = camera
-        for motion, fit in zip(self.motions, fits, strict=True):
-            motion.fit = fit
+        for motion, fit in zip(self.motions, refined, strict=True):
+            motion.fit = motion.fit if fit is None else fit
 
     def _cut(self):
         """End all motions: what comes is another film."""
@@ -413,6 +414,8 @@ class MotionStream:
             if not motion.is_candidate:
                 rows = np.flatnonzero(now & (labels == motion.number))
                 self.numbers.see(motion.number, self._trace(rows, 1))
+            if motion.is_established:
+                self.numbers.proven.add(motion.number)
             rows = self._telling(window, motion)
             found.append(compare(window, residuals, self.motions, k, rows, sizes))
         return zip(*found, strict=True)
@@ -515,7 +518,15 @@ class MotionStream:
             buffer.release(motion.number)
             return
         heir = other if decision == "continued" else self._heir(motion)
-        if decision in ("joined", "merged"):
+        proven = motion.is_established or motion.number in self.numbers.proven
+        if decision in ("joined", "merged") and proven:
+            # What has come back was something else: the motion itself may still come.
+            own = buffer.labels == motion.number
+            buffer.labels = np.where(own, other.number, buffer.labels)
+            self.numbers.hide(motion.number)
+            decision = "hidden"
+            words = f"motion {motion.number} is out of view"
+        elif decision in ("joined", "merged"):
             decision = "merged"
             self._join(motion.number, other.number)
             words = f"motion {motion.number} is the same as {other.number}"
@@ -525,7 +536,7 @@ class MotionStream:
             self._join(heir.number, motion.number)
             heir.number, heir.apart = motion.number, motion.apart
         else:
-            if motion.is_established:  # else it may not have been one
+            if proven:  # else it may not have been one
                 self.numbers.hide(motion.number)
             words = f"motion {motion.number} is out of view"
         events.append(Event(self.frame, decision, words))

@@ -9,11 +9,12 @@ import numpy as np
 from ..geometry.poses import Poses, relative_to
 from ..geometry.resection import inverse_depths, next_poses, resect
 from ..geometry.rigid_motion import (
+    camera_information,
     fit_rigid_motions,
     refine_rigid_motions,
     squared_residuals,
 )
-from ..geometry.windows import FEWEST_SEEN, LEAST_NOISE, REFERENCE_WIDTH
+from ..geometry.windows import FEWEST_SEEN
 
 # Frames that are looked at: those in which a usual track lives on, and depth shows.
 LENGTH = 12
@@ -43,35 +44,6 @@ class Fit(NamedTuple):
     valid: np.ndarray
 
 
-class Camera(NamedTuple):
-    """How pixels are calibrated.
-
-    Attributes
-    ----------
-    middle : ndarray of shape (2,)
-        Principal point, pixels.
-    unit : float
-        Focal length, pixels.
-    noise : float
-        Least standard deviation of the noise, in calibrated coordinates.
-    """
-
-    middle: np.ndarray
-    unit: float
-    noise: float
-
-    @classmethod
-    def around(cls, points, share):
-        """A camera that looks at the middle of points (n, 2).
-
-        Its focal length is a share of the larger side of what they cover.
-        """
-        low, high = points.min(axis=0), points.max(axis=0)
-        size = float((high - low).max()) or 1.0
-        noise = LEAST_NOISE / (REFERENCE_WIDTH * share)
-        return cls((low + high) / 2, share * size, noise)
-
-
 class Window:
     """Tracks in the last frames, calibrated.
 
@@ -90,15 +62,14 @@ class Window:
     """
 
     def __init__(self, points, seen, camera):
-        self.camera, self.seen = camera, seen
-        self.x = np.where(seen[..., None], (points - camera.middle) / camera.unit, 0)
+        self.camera, self.seen, self._points = camera, seen, points
+        self.x = np.where(seen[..., None], camera.calibrated(points), 0)
         times = seen.sum(axis=1)
         self.freedom = np.where(times >= FEWEST_SEEN, 2 * times - 3, 0)
 
     def seen_by(self, camera):
-        """The same tracks, as a camera with the same middle sees them."""
-        points = self.x * self.camera.unit + self.camera.middle
-        return Window(points, self.seen, camera)
+        """The same tracks, as another camera sees them."""
+        return Window(self._points, self.seen, camera)
 
     def fit(self, groups, starts=None):
         """Motions of groups of tracks, from several starts or from given poses.
@@ -114,6 +85,29 @@ class Window:
             None where too few tracks are seen.
         """
         return fit_motions([(self, rows) for rows in groups], starts)
+
+    def camera_information(self, groups, fits):
+        """What motions of groups tell of the focal length and of the lens.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+        fits : list of Fit
+
+        Returns
+        -------
+        information : ndarray of shape (2, 2)
+            Of the logarithm of the focal length and the bend of the lens.
+        gradient : ndarray of shape (2,)
+            As of :func:`~..geometry.rigid_motion.camera_information`.
+        """
+        which, problems = _problems([(self, rows) for rows in groups])
+        if not which:
+            return np.zeros((2, 2)), np.zeros(2)
+        found = camera_information(
+            *problems, _stack([fits[k].poses for k in which]), self.camera.derivatives
+        )
+        return tuple(each.sum(axis=0) for each in found)
 
     def advance(self, groups, fits):
         """Motions with a pose in the newest frame, which was none of theirs.
@@ -277,24 +271,31 @@ def fit_motions(jobs, starts=None):
     list of Fit or None
     """
     found: list = [None] * len(jobs)
-    some = [(window, *window.some(rows)) for window, rows in jobs]
-    which = [k for k, job in enumerate(some) if len(job[2]) >= FEWEST_TRACKS]
+    which, problems = _problems(jobs)
     if not which:
         return found
-    fitted = [(some[k][0], some[k][2]) for k in which]
-    x, seen, weights = _stacked(fitted)
-    floors = np.array([window.camera.noise for window, _ in fitted])
-    references = np.array([some[k][1] for k in which])
-    problems = x, seen, weights, floors, references
     if starts is None:
         poses = fit_rigid_motions(*problems)
     else:
         begin = _stack([starts[k].poses for k in which])
         poses, _ = refine_rigid_motions(*problems, begin, ITERATIONS)
-    for k, (window, rows), *pose in zip(which, fitted, *poses, strict=True):
-        valid = window.seen[rows].sum(axis=0) >= FEWEST_TRACKS
-        found[k] = Fit(Poses(*pose), valid)
+    _, seen, *_ = problems
+    valid = seen.sum(axis=1) >= FEWEST_TRACKS  # (B, L)
+    for k, some, *pose in zip(which, valid, *poses, strict=True):
+        found[k] = Fit(Poses(*pose), some)
     return found
+
+
+def _problems(jobs):
+    """What rigid motions are fitted to, and of which jobs: those of enough tracks."""
+    some = [(window, *window.some(rows)) for window, rows in jobs]
+    which = [k for k, job in enumerate(some) if len(job[2]) >= FEWEST_TRACKS]
+    if not which:
+        return which, ()
+    x, seen, weights = _stacked([(some[k][0], some[k][2]) for k in which])
+    floors = np.array([some[k][0].camera.noise for k in which])
+    references = np.array([some[k][1] for k in which])
+    return which, (x, seen, weights, floors, references)
 
 
 def _stacked(jobs):

@@ -1,0 +1,94 @@
+"""The camera that all motions of a video share: its focal length and its lens.
+
+A lens bends lines by the division model of Fitzgibbon [1]_: with ``d`` the place of a
+pixel from the principal point, in units of a radius, the same ray would be seen at ``d
+/ (1 + bend |d|^2)`` without distortion. A negative ``bend`` is that of a barrel.
+
+References
+----------
+.. [1] A. Fitzgibbon, "Simultaneous linear estimation of multiple view geometry and lens
+   distortion", CVPR 2001. https://doi.org/10.1109/CVPR.2001.990465
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .windows import LEAST_NOISE, REFERENCE_WIDTH
+
+# Values under a root are at least this: beyond, a lens shows nothing.
+LEAST_ROOT = 0.05
+
+
+class Camera(NamedTuple):
+    """How pixels are calibrated.
+
+    Attributes
+    ----------
+    middle : ndarray of shape (2,)
+        Principal point, pixels.
+    unit : float
+        Focal length, pixels.
+    noise : float
+        Least standard deviation of the noise, in calibrated coordinates.
+    radius : float
+        Distance from the middle at which the lens moves what is seen by ``bend``,
+        pixels.
+    bend : float
+        0 for a lens that keeps lines straight.
+    """
+
+    middle: np.ndarray
+    unit: float
+    noise: float
+    radius: float = 1.0
+    bend: float = 0.0
+
+    @classmethod
+    def around(cls, points, share):
+        """A camera that looks at the middle of points (n, 2).
+
+        Its focal length is a share of the larger side of what they cover, and its
+        radius half of the diagonal.
+        """
+        low, high = points.min(axis=0), points.max(axis=0)
+        size = float((high - low).max()) or 1.0
+        noise = LEAST_NOISE / (REFERENCE_WIDTH * share)
+        radius = float(np.hypot(*(high - low)) / 2) or 1.0
+        return cls((low + high) / 2, share * size, noise, radius)
+
+    def straightened(self, points):
+        """Pixels (..., 2) at which a lens without distortion would show points."""
+        away = points - self.middle
+        squares = (away**2).sum(axis=-1, keepdims=True) / self.radius**2
+        return self.middle + away / np.maximum(1 + self.bend * squares, LEAST_ROOT)
+
+    def calibrated(self, points):
+        """Calibrated coordinates of points (..., 2), pixels."""
+        return (self.straightened(points) - self.middle) / self.unit
+
+    def changed(self, log_focal_length, bend):
+        """The same camera with another focal length, in logarithm, and lens."""
+        unit = float(np.exp(log_focal_length))
+        noise = self.noise * self.unit / unit
+        return self._replace(unit=unit, noise=noise, bend=float(bend))
+
+    def derivatives(self, x):
+        """By how much calibrated coordinates of a pixel change with the camera.
+
+        Parameters
+        ----------
+        x : ndarray of shape (2, ...)
+            Calibrated coordinates.
+
+        Returns
+        -------
+        ndarray of shape (2, 2, ...)
+            By the logarithm of the focal length, and by the bend.
+        """
+        squares = (x**2).sum(axis=0) * (self.unit / self.radius) ** 2
+        root = np.sqrt(np.maximum(1 - 4 * self.bend * squares, LEAST_ROOT))
+        # With d = x (1 + bend |d|^2), |d|^2 / (1 + bend |d|^2):
+        return np.stack([-x, -x * (2 * squares / (1 + root))])
