@@ -13,10 +13,10 @@ FEWEST_TELLING = 10
 USUAL_FOCAL_LENGTH, SPREADS = 0.85, (0.5, 0.03)
 # Residuals that say as much as one that is independent: windows overlap, and noise of
 # trackers drifts and is shared by neighbours.
-ALIKE = 4.0
+ALIKE = 12.0
 # However much was seen, standard deviations are at least these, so that a lens that
 # zooms is followed.
-SUREST = 0.005, 0.001
+SUREST = 0.01, 0.002
 # What an estimate may change at a time: motions are to follow.
 MOST_CHANGED = 0.25, 0.03
 # Focal lengths that are possible, in widths of the picture, and bends of a lens.

@@ -517,16 +517,19 @@ class MotionStream:
         if motion.is_candidate:
             buffer.release(motion.number)
             return
+        proven = motion.number in self.numbers.proven
+        joined = decision in ("joined", "merged")
+        if joined and proven and other.number not in self.numbers.proven:
+            decision, joined = "continued", False
         heir = other if decision == "continued" else self._heir(motion)
-        proven = motion.is_established or motion.number in self.numbers.proven
-        if decision in ("joined", "merged") and proven:
+        if joined and proven:
             # What has come back was something else: the motion itself may still come.
             own = buffer.labels == motion.number
             buffer.labels = np.where(own, other.number, buffer.labels)
             self.numbers.hide(motion.number)
             decision = "hidden"
             words = f"motion {motion.number} is out of view"
-        elif decision in ("joined", "merged"):
+        elif joined:
             decision = "merged"
             self._join(motion.number, other.number)
             words = f"motion {motion.number} is the same as {other.number}"
