@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 from skmotionseg._core.geometry import rigid_motion
 from skmotionseg._core.geometry.rigid_motion import (
     Poses,
+    camera_information,
     fit_rigid_motions,
     inverse_depths,
     refine_rigid_motions,
@@ -50,6 +51,57 @@ def test_a_motion_is_fitted_to_the_noise(direction):
         x[None], seen[None], np.ones((1, len(x))), np.array([1e-5]), REFERENCE
     )
     assert deviation(squared_residuals(x, seen, poses)[0], seen) < 1.3e-4
+
+
+def informed(x, poses, derivatives=lambda x: np.stack([-x, -x * (x**2).sum(axis=0)])):
+    """What one motion tells of a focal length's logarithm and of a lens."""
+    seen = np.ones((1, *x.shape[:2]), dtype=bool)
+    floor = np.array([1e-4])
+    problem = x[None], seen, np.ones((1, len(x))), floor, REFERENCE
+    found = camera_information(*problem, poses, derivatives)
+    return tuple(each[0] for each in found)
+
+
+def test_a_step_leads_to_the_camera_that_explains_a_motion():
+    x, poses = scene(np.random.RandomState(5), n=60, noise=1e-5)
+    poses = poses._replace(rotations=rotations_of(0.05 * turned_by())[None])
+    x = seen_by_poses(x, poses)
+    # Pixels are calibrated with a focal length 3 % too short, and a lens of 0.02.
+    wrong = x * 1.03 * (1 - 0.02 * (x**2).sum(axis=2, keepdims=True))
+    information, gradient = informed(wrong, poses)
+    assert (np.linalg.eigvalsh(information) > 0).all()
+    step = np.linalg.solve(information, gradient)
+    assert_allclose(step, [np.log(1.03), -0.02], atol=3e-3)
+
+
+def turned_by():
+    """Rotation vectors about all axes, none in the reference frame."""
+    vectors = np.random.RandomState(6).standard_normal((N_FRAMES, 3))
+    vectors[REFERENCE] = 0
+    return vectors
+
+
+def seen_by_poses(x, poses):
+    """Images of points whose rays are those of tracks in the reference frame."""
+    rays = np.pad(x[:, REFERENCE], ((0, 0), (0, 1)), constant_values=1)
+    points = np.einsum("lij,nj->nli", poses.rotations[0], rays)
+    points += np.linspace(0.3, 1, len(x))[:, None, None] * poses.translations[0]
+    return points[..., :2] / points[..., 2:]
+
+
+def test_noise_is_no_reason_for_another_camera():
+    # Coordinates that are made smaller have smaller residuals.
+    rng = np.random.RandomState(7)
+    nothing = Poses(np.tile(np.eye(3), (1, N_FRAMES, 1, 1)), np.zeros((1, N_FRAMES, 3)))
+    gains = []
+    for _ in range(10):
+        still = rng.uniform(-0.5, 0.5, (40, 1, 2)) + np.zeros((N_FRAMES, 1))
+        x = still + 1e-3 * rng.standard_normal((40, N_FRAMES, 2))
+        information, gradient = informed(x, nothing)
+        gains.append(gradient)
+        assert (np.diag(information) < 20).all()  # standard errors of 20 % and more
+    error = np.std(gains, axis=0) / np.sqrt(len(gains))
+    assert (np.abs(np.mean(gains, axis=0)) < 3 * error + 1).all()
 
 
 def test_inverse_depths_are_those_of_the_scene():

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
 
+from skmotionseg._core.geometry.camera import Camera
 from skmotionseg._core.geometry.windows import FOCAL_LENGTHS
 from skmotionseg._core.stream import starting
 from skmotionseg._core.stream.buffer import TrackBuffer
-from skmotionseg._core.stream.window import LENGTH, Camera
+from skmotionseg._core.stream.calibration import SPREADS
+from skmotionseg._core.stream.window import LENGTH
 
 FOCAL, SIZE = 700.0, np.array([640, 480])
 
@@ -32,14 +34,17 @@ def first_frames():
 
 def test_focal_length_is_found_between_those_that_are_tried_first(first_frames):
     points, seen, rows, groups = first_frames
-    found = starting.calibrate(points, seen, rows, groups)
-    assert abs(np.log(found.camera.unit / FOCAL)) < np.log(1.15)
+    found, estimate = starting.calibrate(points, seen, rows, groups)
+    assert abs(np.log(found.camera.unit / FOCAL)) < np.log(1.05)
+    assert abs(found.camera.bend) < 0.01
     for share in FOCAL_LENGTHS:
         camera = Camera.around(points[seen], share)
         other = starting._seen_by(camera, points, seen, rows, groups)
         assert found.nats <= other.nats
     assert all(fit is not None for fit in found.fits)
     assert found.scale >= found.camera.noise
+    assert_allclose(np.exp(estimate.values[0]), found.camera.unit)
+    assert np.linalg.det(estimate.precision) > 4 / np.prod(np.square(SPREADS))
 
 
 def test_steps_are_taken_towards_the_best(first_frames, monkeypatch):
@@ -51,13 +56,14 @@ def test_steps_are_taken_towards_the_best(first_frames, monkeypatch):
         return starting.Calibration(cost, camera, [], 1.0)
 
     monkeypatch.setattr(starting, "_seen_by", nats)
-    found = starting.calibrate(points, seen, rows, groups)
+    monkeypatch.setattr(starting, "FIRST_STEPS", 0)
+    found, _ = starting.calibrate(points, seen, rows, groups)
     assert found.camera.unit / sizes == pytest.approx(1.3, rel=0.04)
 
 
 def test_groups_of_few_tracks_tell_no_camera(first_frames):
     points, seen, rows, groups = first_frames
-    found = starting.calibrate(points, seen, rows, [groups[0][:3]])
+    found, _ = starting.calibrate(points, seen, rows, [groups[0][:3]])
     assert found.nats == np.inf
     assert found.fits == [None]
 

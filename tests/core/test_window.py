@@ -8,9 +8,9 @@ from helpers.windows import two_windows
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 
-from skmotionseg._core.geometry.windows import LEAST_NOISE, REFERENCE_WIDTH
+from skmotionseg._core.geometry.camera import Camera
 from skmotionseg._core.stream.assignment import measure
-from skmotionseg._core.stream.window import Camera, Window
+from skmotionseg._core.stream.window import Window
 
 
 @pytest.fixture(scope="module")
@@ -48,16 +48,6 @@ def test_residuals_of_few_tracks_are_corrected_the_most(windows):
     few, some = (first.inflation(groups[0][:n], fit) for n in (5, 20))
     assert few > 3 > some > 1
     assert first.inflation(groups[0][:1], fit) < np.inf
-
-
-def test_a_camera_looks_at_the_middle_of_what_it_sees():
-    camera = Camera.around(np.array([[0.0, 10], [640, 50], [320, 300]]), 0.5)
-    assert_allclose(camera.middle, [320, 155])
-    assert camera.unit == 320
-    assert camera.noise * camera.unit == pytest.approx(
-        LEAST_NOISE * 640 / REFERENCE_WIDTH
-    )
-    assert Camera.around(np.ones((3, 2)), 0.5).unit == 0.5  # a single spot
 
 
 def least_square(x, seen, poses):

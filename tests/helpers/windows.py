@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from skmotionseg._core.stream.window import LENGTH, Camera, Window
+from skmotionseg._core.geometry.camera import Camera
+from skmotionseg._core.stream.window import LENGTH, Window
 
 from .films import FOCAL, SIZE, film
 

@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .windows import LEAST_NOISE, REFERENCE_WIDTH
-
+# Least standard deviation of the noise: pixels in a video 640 pixels wide.
+REFERENCE_WIDTH = 640
+LEAST_NOISE = 0.15
 # Values under a root are at least this: beyond, a lens shows nothing.
 LEAST_ROOT = 0.05
 

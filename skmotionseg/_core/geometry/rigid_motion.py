@@ -215,7 +215,7 @@ def camera_information(x, seen, weights, floor, reference, poses, derivatives):
     left = state.residuals * root
     some = _reduced(problems, state, root, left, np.zeros(len(x)))
     rows = _camera_rows(problems, state, derivatives) * root  # (P, 2, L, B, n)
-    P, _, L, B, n = rows.shape
+    P, _, L, B, _ = rows.shape
     of_depths = (rows * some.depths).sum(axis=(1, 2)).swapaxes(0, 1)  # (B, P, n)
     shares = of_depths / some.of_depths[:, None]
     of_poses = np.einsum("cklbn,pclbn->bklp", some.poses, rows).reshape(B, 6 * L, P)

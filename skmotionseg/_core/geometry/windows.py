@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .camera import LEAST_NOISE, REFERENCE_WIDTH
 from .poses import Poses
 from .rigid_motion import (
     fit_rigid_motions,
@@ -34,9 +35,6 @@ BATCH = 16
 # factors by which the best of them is improved.
 FOCAL_LENGTHS = (0.4, 0.6, 1.0, 1.7)
 FOCAL_STEPS = (1.25, 1.12, 1.06)
-# Least standard deviation of the noise: pixels in a video 640 pixels wide.
-REFERENCE_WIDTH = 640
-LEAST_NOISE = 0.15
 
 
 class FitRequest(NamedTuple):

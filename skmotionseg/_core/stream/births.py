@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..geometry.windows import REFERENCE_WIDTH
+from ..geometry.camera import REFERENCE_WIDTH
 from .assignment import measure, noise_of
 
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.

@@ -122,16 +122,16 @@ def calibrate(points, seen, rows, groups):
 
     best = tried[best_focal_length(nats)]
     estimate = CameraEstimate(float(np.ptp(points[seen], axis=0).max()))
-    if not np.isfinite(best.nats):
-        return best, estimate
-    for _ in range(FIRST_STEPS):
+    known = [k for k, fit in enumerate(best.fits) if fit]
+    precision = estimate.precision
+    for _ in range(FIRST_STEPS if known else 0):
         window = Window(points, seen, best.camera)
-        known = [k for k, fit in enumerate(best.fits) if fit]
         camera, precision = estimate.improved(
             window, [groups[k] for k in known], [best.fits[k] for k in known]
         )
         best = _seen_by(camera, points, seen, rows, groups)
-    estimate.add(camera, precision)
+    if known:
+        estimate.add(best.camera, precision)
     return best, estimate
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
 from .births import LEAST_FREEDOM, apartness, find_candidate, joint_motions
 from .buffer import UNKNOWN, TrackBuffer
-from .calibration import FRAMES_PER_ESTIMATE, CameraEstimate
+from .calibration import FRAMES_PER_ESTIMATE
 from .following import (
     are_doubtful,
     can_be_told,
@@ -228,7 +228,8 @@ class MotionStream:
         if often.sum() < FIRST_TRACKS:
             return []
         labels = np.full(len(ids), UNKNOWN)
-        labels[often] = partition(points[often], seen[often])
+        straight = self.camera.straightened(points[often])
+        labels[often] = partition(straight, seen[often])
         return self._renew(ids, labels) if labels.max() > UNKNOWN else []
 
     def _renew(self, ids, labels):
@@ -517,20 +518,9 @@ class MotionStream:
         if motion.is_candidate:
             buffer.release(motion.number)
             return
-        proven = motion.number in self.numbers.proven
-        joined = decision in ("joined", "merged")
-        if joined and proven and other.number not in self.numbers.proven:
-            decision, joined = "continued", False
-        heir = other if decision == "continued" else self._heir(motion)
-        if joined and proven:
-            # What has come back was something else: the motion itself may still come.
-            own = buffer.labels == motion.number
-            buffer.labels = np.where(own, other.number, buffer.labels)
-            self.numbers.hide(motion.number)
-            decision = "hidden"
-            words = f"motion {motion.number} is out of view"
-        elif joined:
-            decision = "merged"
+        decision, heir = self._successor(motion, decision, other)
+        words = f"motion {motion.number} is out of view"
+        if decision == "merged":
             self._join(motion.number, other.number)
             words = f"motion {motion.number} is the same as {other.number}"
         elif heir is not None:
@@ -538,11 +528,28 @@ class MotionStream:
             words = f"motion {heir.number} is the same as {motion.number}"
             self._join(heir.number, motion.number)
             heir.number, heir.apart = motion.number, motion.apart
-        else:
-            if proven:  # else it may not have been one
-                self.numbers.hide(motion.number)
-            words = f"motion {motion.number} is out of view"
+        elif motion.number in self.numbers.proven:  # else it may not have been one
+            self.numbers.hide(motion.number)
         events.append(Event(self.frame, decision, words))
+
+    def _successor(self, motion, decision, other):
+        """What becomes of the number of a motion that ends, and who has it next.
+
+        The number of a motion that was of its own for long is no other's: if it is the
+        same as a newer one, this is what has come back, and goes on with its number; if
+        as another of that kind, something else was taken for it, and it is still away.
+        """
+        heir = other if decision == "continued" else self._heir(motion)
+        if decision not in ("joined", "merged"):
+            return decision, heir
+        proven = self.numbers.proven
+        if motion.number not in proven:
+            return "merged", None
+        if other.number not in proven:
+            return "continued", other
+        own = self.buffer.labels == motion.number
+        self.buffer.labels = np.where(own, other.number, self.buffer.labels)
+        return "hidden", None
 
     def _join(self, number, other):
         """Give tracks of a motion the number of another."""

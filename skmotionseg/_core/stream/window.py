@@ -105,7 +105,9 @@ class Window:
         if not which:
             return np.zeros((2, 2)), np.zeros(2)
         found = camera_information(
-            *problems, _stack([fits[k].poses for k in which]), self.camera.derivatives
+            *problems,
+            poses=_stack([fits[k].poses for k in which]),
+            derivatives=self.camera.derivatives,
         )
         return tuple(each.sum(axis=0) for each in found)
 
@@ -278,7 +280,7 @@ def fit_motions(jobs, starts=None):
         poses = fit_rigid_motions(*problems)
     else:
         begin = _stack([starts[k].poses for k in which])
-        poses, _ = refine_rigid_motions(*problems, begin, ITERATIONS)
+        poses, _ = refine_rigid_motions(*problems, poses=begin, iterations=ITERATIONS)
     _, seen, *_ = problems
     valid = seen.sum(axis=1) >= FEWEST_TRACKS  # (B, L)
     for k, some, *pose in zip(which, valid, *poses, strict=True):
