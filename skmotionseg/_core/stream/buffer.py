@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 UNKNOWN = -1
+# Tracks of a motion that show which other has taken them.
+FEWEST_TAKEN = 6
 
 
 class TrackBuffer:
@@ -26,6 +28,8 @@ class TrackBuffer:
         Number of each track's motion, -1 for none yet; less for a candidate.
     before : ndarray of int, shape (n,)
         Label before a candidate took the track.
+    former : ndarray of int, shape (n,)
+        Another label that the track was shown with until it got its own; -1 for none.
     outlying : ndarray of bool, shape (n,)
         Whether the track was an outlier when it was last seen.
     doubtful : ndarray of bool, shape (n,)
@@ -40,6 +44,7 @@ class TrackBuffer:
         self.seen = np.empty((0, length), dtype=bool)
         self.labels = np.empty(0, dtype=np.int64)
         self.before = np.empty(0, dtype=np.int64)
+        self.former = np.empty(0, dtype=np.int64)
         self.outlying = np.empty(0, dtype=bool)
         self.doubtful = np.empty(0, dtype=bool)
         self.memory = np.empty((0, 0))
@@ -72,6 +77,7 @@ class TrackBuffer:
         self.seen = _grown(_shifted(self.seen[kept]), n_new, False)[order]
         self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
         self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
+        self.former = _grown(self.former[kept], n_new, UNKNOWN)[order]
         self.outlying = _grown(self.outlying[kept], n_new, False)[order]
         self.doubtful = _grown(self.doubtful[kept], n_new, False)[order]
         self.memory = _grown(self.memory[kept], n_new, 0)[order]
@@ -86,6 +92,29 @@ class TrackBuffer:
     def follow(self, labels):
         """Set labels; tracks that go to a candidate keep those of before in mind."""
         self.before, self.labels = self.shown(), labels
+        changed = (self.before != self.shown()) & (self.before > UNKNOWN)
+        self.former = np.where(changed, self.before, self.former)
+
+    def confirm(self, label, number):
+        """Show the tracks of a candidate with its number."""
+        own = self.labels == label
+        changed = own & (self.before > UNKNOWN)
+        self.former = np.where(changed, self.before, self.former)
+        self.labels = np.where(own, number, self.labels)
+
+    def taker(self, label):
+        """The label with which most tracks are shown that were shown with another.
+
+        Returns
+        -------
+        int
+            -1 if these are few, or fewer than half of all that had the label.
+        """
+        shown = self.shown()
+        taken = shown[(self.former == label) & (shown != label)]
+        names, counts = np.unique(taken[taken > UNKNOWN], return_counts=True)
+        fewest = max(FEWEST_TAKEN, (len(taken) + np.sum(shown == label)) / 2)
+        return int(names[counts.argmax()]) if counts.max(initial=0) >= fewest else -1
 
     def add_motion(self):
         """Make room for one more living motion, against which nothing speaks yet."""

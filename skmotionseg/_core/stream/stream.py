@@ -489,8 +489,7 @@ class MotionStream:
         for other in self.motions:
             if other.number == number:  # it has lost its tracks: this one has them
                 other.number = UNKNOWN - 1
-        own = self.buffer.labels == motion.number
-        self.buffer.labels = np.where(own, number, self.buffer.labels)
+        self.buffer.confirm(motion.number, number)
         motion.number, motion.apart = number, 0
         motion.source = _most(self.buffer.before[rows])
         events.append(_appeared(self.frame, number, again))
@@ -557,12 +556,17 @@ class MotionStream:
         self.buffer.labels = self.numbers.final(self.buffer.labels)
 
     def _heir(self, motion):
-        """What has taken the tracks of a motion, and may not be one of its own."""
+        """What has taken the tracks of a motion, and may not be one of its own.
+
+        It began while the motion was seen, or has most of its tracks now.
+        """
+        taker = self.buffer.taker(motion.number)
         known = [
             other
             for other in self.motions
-            if other.source == motion.number
-            and not (other.is_candidate or other.is_established)
+            if (other.source == motion.number and not other.is_established)
+            or (other.number == taker and other.age < motion.age)
+            if not other.is_candidate
         ]
         return known[0] if known else None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -105,7 +105,7 @@ class Window:
         if not which:
             return np.zeros((2, 2)), np.zeros(2)
         found = camera_information(
-            *problems,
+            **problems,
             poses=_stack([fits[k].poses for k in which]),
             derivatives=self.camera.derivatives,
         )
@@ -277,27 +277,30 @@ def fit_motions(jobs, starts=None):
     if not which:
         return found
     if starts is None:
-        poses = fit_rigid_motions(*problems)
+        poses = fit_rigid_motions(**problems)
     else:
         begin = _stack([starts[k].poses for k in which])
-        poses, _ = refine_rigid_motions(*problems, poses=begin, iterations=ITERATIONS)
-    _, seen, *_ = problems
-    valid = seen.sum(axis=1) >= FEWEST_TRACKS  # (B, L)
+        poses, _ = refine_rigid_motions(**problems, poses=begin, iterations=ITERATIONS)
+    valid = problems["seen"].sum(axis=1) >= FEWEST_TRACKS  # (B, L)
     for k, some, *pose in zip(which, valid, *poses, strict=True):
         found[k] = Fit(Poses(*pose), some)
     return found
 
 
-def _problems(jobs):
+def _problems(jobs) -> tuple[list[int], dict[str, Any]]:
     """What rigid motions are fitted to, and of which jobs: those of enough tracks."""
     some = [(window, *window.some(rows)) for window, rows in jobs]
     which = [k for k, job in enumerate(some) if len(job[2]) >= FEWEST_TRACKS]
     if not which:
-        return which, ()
+        return which, {}
     x, seen, weights = _stacked([(some[k][0], some[k][2]) for k in which])
-    floors = np.array([some[k][0].camera.noise for k in which])
-    references = np.array([some[k][1] for k in which])
-    return which, (x, seen, weights, floors, references)
+    return which, {
+        "x": x,
+        "seen": seen,
+        "weights": weights,
+        "floor": np.array([some[k][0].camera.noise for k in which]),
+        "reference": np.array([some[k][1] for k in which]),
+    }
 
 
 def _stacked(jobs):
