@@ -51,3 +51,26 @@ def test_nothing_speaks_against_a_label_that_is_settled():
     assert_array_equal(buffer.memory, [[0, 0, 0], [5, 0, 0], [1, 4, 0]])
     assert_array_equal(buffer.labels, [8, 8, -1])
     assert_array_equal(buffer.outlying, [False, False, True])
+
+
+def test_the_taker_of_a_motion_has_most_tracks_that_it_had():
+    buffer = TrackBuffer(3)
+    pushed(buffer, range(14))
+    buffer.follow(np.array([1] * 12 + [0, -1]))
+    assert buffer.taker(1) == -1
+    buffer.follow(np.array([1] * 8 + [2] * 4 + [0, 2]))
+    assert buffer.taker(1) == -1  # most have stayed
+    buffer.follow(np.array([1] * 4 + [-7] * 4 + [2] * 4 + [0, 2]))
+    assert buffer.taker(1) == -1  # those of a candidate are shown as before
+    assert_array_equal(buffer.former, [-1] * 8 + [1] * 4 + [-1, -1])
+    buffer.confirm(-7, 3)
+    assert_array_equal(buffer.labels, [1] * 4 + [3] * 4 + [2] * 4 + [0, 2])
+    assert buffer.taker(1) == -1  # nobody has six of them
+    buffer.follow(np.array([1] * 4 + [3] * 8 + [0, 2]))
+    assert buffer.taker(1) == -1  # some of which were with 2 in between
+    buffer.labels[:8] = 3
+    buffer.former[:8] = 1
+    assert buffer.taker(1) == 3
+    assert buffer.taker(0) == -1
+    pushed(buffer, range(20, 30))  # they are remembered for as long as they are here
+    assert buffer.taker(1) == 3

@@ -93,8 +93,10 @@ def test_numbers_are_forgotten_and_merged():
         numbers.new()
     numbers.see(1, at(0, 0.0, 0.0))
     numbers.hide(1)
+    numbers.proven = {0, 1}
     assert numbers.forget(MOST_ABSENT) == []
     assert numbers.forget(MOST_ABSENT + 1) == [1]
+    assert numbers.proven == {0}
     numbers.merge(3, 2)
     numbers.merge(2, 0)
     assert_array_equal(numbers.final(np.array([-1, 0, 1, 2, 3])), [-1, 0, 1, 0, 0])
