@@ -44,10 +44,9 @@ def estimated(speed=0.04, bend=0.0, n_times=6, factor=1.0, noise=0.05):
     for _ in range(n_times):
         film = turning(rng, speed, bend, noise)
         before = camera
-        camera, precision = estimate.improved(
-            film(camera), groups, film(camera).fit(groups)
-        )
-        estimate.add(camera, precision)
+        window = film(camera)
+        camera, known = estimate.improved(window, groups, window.fit(groups))
+        estimate.add(*known)
         change = np.log(camera.unit / before.unit), camera.bend - before.bend
         assert (np.abs(change) <= np.array(MOST_CHANGED) + 1e-9).all()
         assert camera.unit * camera.noise == pytest.approx(0.15)
@@ -79,7 +78,7 @@ def test_motions_of_few_tracks_tell_nothing():
     usual = calibration.USUAL_FOCAL_LENGTH * WIDTH
     window = film(Camera(SIZE / 2, usual, 0.15 / usual, RADIUS))
     groups = [np.arange(FEWEST_TELLING - 1)]
-    camera, precision = estimate.improved(window, groups, window.fit(groups))
+    camera, (_, precision) = estimate.improved(window, groups, window.fit(groups))
     assert camera.unit == pytest.approx(usual)
     assert camera.bend == 0
     np.testing.assert_allclose(precision, estimate.precision)
@@ -87,9 +86,8 @@ def test_motions_of_few_tracks_tell_nothing():
 
 def test_a_lens_that_zooms_is_followed():
     _, estimate = estimated(n_times=1)
-    camera = Camera(SIZE / 2, FOCAL, 0.15 / FOCAL, RADIUS)
     for _ in range(200):  # the same again and again
-        estimate.add(camera, estimate.precision + np.diag([1e4, 1e5]))
+        estimate.add(estimate.values, estimate.precision + np.diag([1e4, 1e5]))
     errors = np.sqrt(np.diag(np.linalg.inv(estimate.precision)))
     np.testing.assert_allclose(errors, SUREST, rtol=0.02)
 

@@ -62,8 +62,9 @@ class CameraEstimate:
         Returns
         -------
         camera : Camera
-            The window's, changed.
-        precision : ndarray of shape (2, 2)
+            The window's, changed by no more than motions follow.
+        known : tuple of (ndarray of shape (2,), ndarray of shape (2, 2))
+            What :meth:`add` takes in: the likeliest values, and their precision.
         """
         telling = [k for k, rows in enumerate(groups) if len(rows) >= FEWEST_TELLING]
         information, gradient = window.camera_information(
@@ -74,13 +75,14 @@ class CameraEstimate:
         precision = self.precision + information / ALIKE
         gradient = gradient / ALIKE + self.precision @ (self.values - present)
         change = np.linalg.solve(precision, gradient)
+        values = np.clip(present + change, *self._range)
         shorter = np.max(np.abs(change) / MOST_CHANGED)
         changed = np.clip(present + change / max(shorter, 1), *self._range)
-        return camera.changed(*changed), precision
+        return camera.changed(*changed), (values, precision)
 
-    def add(self, camera, precision):
-        """Take a camera of :meth:`improved` as what is known from now on."""
-        self.values = np.array([np.log(camera.unit), camera.bend])
+    def add(self, values, precision):
+        """Take what :meth:`improved` found as what is known from now on."""
+        self.values = values
         scale = np.array(SUREST)
         sizes, axes = np.linalg.eigh(precision * np.outer(scale, scale))
         self.precision = (axes * np.minimum(sizes, 1)) @ axes.T / np.outer(scale, scale)

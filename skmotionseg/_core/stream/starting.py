@@ -15,7 +15,7 @@ from .window import Window
 # The scale of residuals, in units of their median.
 SCALE_OF_NOISE = 2.0
 # Steps in which the first camera is improved.
-FIRST_STEPS = 3
+FIRST_STEPS = 5
 # Frames after which a young stream is searched again, as a clip of all of its frames.
 SEARCHED_AGAIN = 15, 22, 33
 
@@ -123,15 +123,14 @@ def calibrate(points, seen, rows, groups):
     best = tried[best_focal_length(nats)]
     estimate = CameraEstimate(float(np.ptp(points[seen], axis=0).max()))
     known = [k for k, fit in enumerate(best.fits) if fit]
-    precision = estimate.precision
+    told = estimate.values, estimate.precision
     for _ in range(FIRST_STEPS if known else 0):
         window = Window(points, seen, best.camera)
-        camera, precision = estimate.improved(
+        camera, told = estimate.improved(
             window, [groups[k] for k in known], [best.fits[k] for k in known]
         )
         best = _seen_by(camera, points, seen, rows, groups)
-    if known:
-        estimate.add(best.camera, precision)
+    estimate.add(*told)
     return best, estimate
 
 

@@ -330,8 +330,8 @@ class MotionStream:
             return
         groups = fitted_groups(self.buffer, self.motions)
         fits = [motion.fit for motion in self.motions]
-        camera, precision = self.estimate.improved(window, groups, fits)
-        self.estimate.add(camera, precision)
+        camera, known = self.estimate.improved(window, groups, fits)
+        self.estimate.add(*known)
         refined = window.seen_by(camera).fit(groups, fits)
         self.scale *= self.camera.unit / camera.unit
         self.camera = camera
