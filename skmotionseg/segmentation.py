@@ -137,6 +137,11 @@ estimator, default="description_length"
         the noise of the motion, which is at least a fifth of a pixel in an image of
         640 x 480. Between two images, a track is an outlier if it is less likely to
         follow any motion than to be a mismatch.
+    focal_length : float or None, default=None
+        Focal length of the camera in pixels, for rigid motions over windows of frames;
+        the principal point is taken to be the middle of what the tracks cover. ``None``
+        means that it is found: of the usual ones, the one that explains the motions of
+        the clip best. If it is known, errors are lower.
     n_landmarks : int, "auto" or None, default="auto"
         Number of tracks that are fitted; each other gets the label of the fitted tracks
         that are nearest in place and displacement. "auto" fits all tracks if there are
@@ -308,6 +313,7 @@ estimator, default="description_length"
         "min_motions": [Interval(Integral, 1, None, closed="left")],
         "max_motions": [Interval(Integral, 1, None, closed="left")],
         "reject_outliers": ["boolean"],
+        "focal_length": [Interval(Real, 0, None, closed="neither"), None],
         "n_landmarks": [
             Interval(Integral, 1, None, closed="left"),
             StrOptions({"auto"}),
@@ -334,6 +340,7 @@ estimator, default="description_length"
         min_motions: int = 1,
         max_motions: int = 10,
         reject_outliers: bool = True,
+        focal_length: float | None = None,
         n_landmarks: int | str | None = "auto",
         memory: str | os.PathLike[str] | Memory | None = None,
         n_jobs: int | None = None,
@@ -352,6 +359,7 @@ estimator, default="description_length"
         self.min_motions = min_motions
         self.max_motions = max_motions
         self.reject_outliers = reject_outliers
+        self.focal_length = focal_length
         self.n_landmarks = n_landmarks
         self.memory = memory
         self.n_jobs = n_jobs
@@ -510,6 +518,7 @@ estimator, default="description_length"
             self.reject_outliers,
             stratified=len(self.landmarks_) < n_tracks,
             seed=seeds["clustering"],
+            focal_length=self.focal_length,
         )
 
     def _sparsities(self):

@@ -26,6 +26,17 @@ def count(text, or_else=""):
     return number
 
 
+def positive(text):
+    """A number above 0, of a command line."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < np.inf:
+        raise argparse.ArgumentTypeError(f"expected a number above 0; got {text!r}")
+    return number
+
+
 def progress_console():
     """A console on standard error, which leaves standard output to what is found."""
     return require("rich.console", extra="cli").Console(stderr=True)

@@ -12,12 +12,15 @@ from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import facts_table
 from .label_files import begin_observations, write_frame
+from .method_options import METHOD_OPTIONS
 from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
 N_POINTS = 500
 # What does not go with it, as it needs the whole video.
 WHOLE = ("split_dir", "report", "masks", "static_masks", "prompts", "viewer")
+# Options of a segmenter of clips that the one of streams does not have.
+OF_CLIPS = ("min_motions", "max_motions", "models", "selection", "focal_length")
 
 
 def segment_live(arguments):
@@ -63,6 +66,10 @@ def _check(arguments):
         if getattr(arguments, name, None) is not None:
             option = "--" + name.replace("_", "-")
             raise ValueError(f"{option} needs the whole video, and --live has a frame")
+    for name in OF_CLIPS:
+        option = "--" + name.replace("_", "-")
+        if getattr(arguments, name) != METHOD_OPTIONS[option].get("default"):
+            raise ValueError(f"{option} is for clips, and --live has a stream")
 
 
 def _source(file):

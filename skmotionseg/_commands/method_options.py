@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from .console import count
+from .console import count, positive
 
 LAYOUTS = ("tracks_first", "frames_first")
 SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
@@ -56,6 +56,11 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
         "default": SELECTIONS[0],
         "help": "rule that chooses the number of motions (default: "
         "description_length; ncre is the paper's)",
+    },
+    "--focal-length": {
+        "type": positive,
+        "metavar": "PIXELS",
+        "help": "focal length of the camera, if it is known (default: it is found)",
     },
     "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
     "--jobs": {
@@ -149,6 +154,7 @@ def method_parameters(arguments):
         "n_motions": arguments.motions,
         "models": arguments.models,
         "selection": arguments.selection,
+        "focal_length": arguments.focal_length,
         "n_jobs": arguments.jobs,
         "random_state": arguments.seed,
         **counts,

@@ -205,6 +205,26 @@ def test_what_no_motion_explains_becomes_a_group(scene):
     assert max(shares) > 0.8
 
 
+def test_a_group_gets_its_motion_from_that_of_another(scene):
+    """Of one motion, and a few of another, whose motion they begin with."""
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    motions = done(search, search.motions(y))
+    labels = np.where((y == 1) & (np.cumsum(y == 1) < 6), 0, y)
+    wrong = [motions[1], *motions[1:]]
+    energy = search.energy(labels, done(search, search._refitted(labels, motions)))
+    again = search.energy(labels, done(search, search._refitted(labels, wrong)))
+    assert again == pytest.approx(energy, rel=0.02)
+
+
+def test_a_focal_length_that_is_given_is_kept(scene):
+    points, visibility, affinity, y = scene
+    search = RigidSearch(Windows(points, visibility), affinity, focal_length=0.77)
+    assert search.calibrate(y)
+    assert not search.calibrate(y)
+    assert search.windows.focal_length == 0.77
+
+
 def test_links_are_compared_with_chance(scene):
     points, visibility, affinity, _ = scene
     search = RigidSearch(Windows(points, visibility), np.ones_like(affinity))

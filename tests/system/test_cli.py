@@ -246,6 +246,14 @@ def test_segment_passes_its_options_on(run, scene, scene_file, tmp_path):
     assert_array_equal(load_tracks(out).target, segmenter.fit_predict(scene[0]))
 
 
+def test_segment_takes_a_focal_length(run, scene, scene_file, tmp_path):
+    out = tmp_path / "labels.npz"
+    code, _, errors = run("segment", scene_file, "--focal-length", 640, "--out", out)
+    assert (code, errors) == (0, "")
+    segmenter = MotionSegmenter(focal_length=640, random_state=0)
+    assert_array_equal(load_tracks(out).target, segmenter.fit_predict(scene[0]))
+
+
 QUICK = ("--models", "homography", "--selection", "ncre", "--motions", 3)
 
 
@@ -616,6 +624,8 @@ def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
         (["segment", "x.npz", "--motions", "0"], 'whole number, 1 or more, or "auto"'),
         (["segment", "x.npz", "--motions", "some"], "or \"auto\"; got 'some'"),
         (["segment", "x.npz", "--models", "flow"], "some of affine,homography,fund"),
+        (["segment", "x.npz", "--focal-length", "-5"], "above 0; got '-5'"),
+        (["segment", "x.npz", "--focal-length", "inf"], "above 0; got 'inf'"),
         (["segment", "x.npz", "--selection", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--datasets", "MNIST"], "invalid choice: 'MNIST'"),

@@ -212,9 +212,11 @@ def test_what_is_stopped_is_written(file, tmp_path, capsys, monkeypatch):
         (["--render", "sheet.png"], "end in .mp4; got sheet.png"),
         (["--masks", "masks"], "--masks needs the whole video"),
         (["--report", "report.png"], "--report needs the whole video"),
+        (["--focal-length", "640"], "--focal-length is for clips"),
+        (["--selection", "ncre"], "--selection is for clips"),
     ],
 )
-def test_what_needs_the_whole_video_is_refused(options, words, file, capsys):
+def test_what_a_stream_does_not_have_is_refused(options, words, file, capsys):
     assert main(["segment", "--live", str(file), *options]) == 2
     assert words in capsys.readouterr().err
 

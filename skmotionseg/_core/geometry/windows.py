@@ -93,6 +93,8 @@ class Windows:
     Attributes
     ----------
     frames : ndarray of int, shape (n_windows, n_frames_per_window)
+    size : float
+        The larger side of what the tracks cover, pixels.
     seen : ndarray of bool, shape (n_windows, n_tracks, n_frames_per_window)
     freedom : ndarray of int, shape (n_tracks, n_windows)
         Residuals of each track less the three numbers that place it; 0 where it is seen
@@ -107,7 +109,7 @@ class Windows:
         low, high = (
             (some.min(axis=0), some.max(axis=0)) if len(some) else np.zeros((2, 2))
         )
-        self._middle, self._size = (low + high) / 2, float((high - low).max()) or 1.0
+        self._middle, self.size = (low + high) / 2, float((high - low).max()) or 1.0
         self._look_at(points, visibility)
         self.set_focal_length(focal_length)
 
@@ -144,7 +146,7 @@ class Windows:
     def set_focal_length(self, share):
         """Calibrate coordinates with another focal length."""
         self.focal_length = share
-        unit = share * self._size
+        unit = share * self.size
         self.pixels = REFERENCE_WIDTH * share
         self.least_noise = LEAST_NOISE / self.pixels
         calibrated = (self.points - self._middle) / unit

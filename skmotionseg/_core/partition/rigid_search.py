@@ -156,6 +156,9 @@ class RigidSearch:
         The part of it that is by the simplest motion model, by which the links between
         two groups are compared with chance: they say the same of all videos, while the
         parts of other models depend on how much depth there is. Default: all of it.
+    focal_length : float, optional
+        As a share of the larger side of what the tracks cover. If not given, the one
+        that explains the larger groups best.
 
     Attributes
     ----------
@@ -163,8 +166,8 @@ class RigidSearch:
         Of all pairs of groups, by their positions, to which a joint motion was fitted.
     """
 
-    def __init__(self, windows, affinity, simplest=None):
-        self.windows = windows
+    def __init__(self, windows, affinity, simplest=None, focal_length=None):
+        self.windows, self.focal_length = windows, focal_length
         self.affinity = _links_of(affinity)
         self.degrees = self.affinity.sum(axis=1)
         self.simplest = _links_of(affinity if simplest is None else simplest)
@@ -188,7 +191,8 @@ class RigidSearch:
         """Choose focal length and scale of the noise by the larger groups of labels.
 
         Of focal lengths that explain them nearly as well, the one nearest to that of a
-        usual camera: by chance one is better here and another there.
+        usual camera: by chance one is better here and another there. One that was given
+        stays.
 
         Parameters
         ----------
@@ -211,7 +215,8 @@ class RigidSearch:
                 tried[focal_length] = self._with_focal_length(focal_length, groups)
             return tried[focal_length][0]
 
-        best = best_focal_length(cost, steps)
+        best = self.focal_length or best_focal_length(cost, steps)
+        cost(best)  # if it was given, it is the only one
         self.windows.set_focal_length(best)
         if self._fitted and best == before[0]:
             self.scale = before[1]
@@ -406,21 +411,31 @@ class RigidSearch:
         return np.divide(links, degrees, out=np.zeros_like(links), where=degrees > 0)
 
     def _refitted(self, labels, motions):
-        """Motions of groups, fitted again to their inliers where these are others."""
-        groups = [
-            self._inliers(*each)
-            for each in zip(groups_of(labels), motions, strict=True)
-        ]
-        new = [
+        """Motions of groups, fitted again to their inliers where these are others.
+
+        A motion that explains less than half of its group comes from other tracks, and
+        refining it may lead nowhere: it is also fitted from the start.
+        """
+        members = groups_of(labels)
+        groups = [self._inliers(*each) for each in zip(members, motions, strict=True)]
+        changed = [
             k
             for k, (group, motion) in enumerate(zip(groups, motions, strict=True))
             if not np.array_equal(group, motion.tracks)
         ]
+        strange = [k for k in changed if self._strange(members[k], motions[k])]
+        requests = [FitRequest(groups[k], (motions[k],)) for k in changed]
+        requests += [FitRequest(members[k]) for k in strange]
         motions = [*motions]
-        refined = yield [FitRequest(groups[k], (motions[k],)) for k in new]
-        for k, motion in zip(new, refined, strict=True):
-            motions[k] = motion
+        for k, motion in zip(changed + strange, (yield requests), strict=True):
+            old, new = self.costs([motions[k], motion])[members[k]].sum(axis=0)
+            if k not in strange or new < old:
+                motions[k] = motion
         return motions
+
+    def _strange(self, group, motion):
+        """Whether a motion explains less than half of a group."""
+        return 2 * len(self._explained(group, motion)) < len(group)
 
     def _inliers(self, group, motion):
         """The tracks of a group that its motion explains; at least half of them."""

@@ -105,6 +105,7 @@ def search_partitions(
     reject_outliers=True,
     stratified=False,
     seed=0,
+    focal_length=None,
 ):
     """Find the best partition for each of several numbers of motions.
 
@@ -133,6 +134,8 @@ def search_partitions(
         Whether the tracks are landmarks, as many from each over-segment of the video.
     seed : int, default=0
         Of the search between two images.
+    focal_length : float, optional
+        Of the camera, pixels; if not given, it is found where rigid motions are fitted.
 
     Returns
     -------
@@ -147,7 +150,7 @@ def search_partitions(
             return _between_two_images(between, connected, len(points), reject_outliers)
     views = views[:, connected[:, None], connected]
     clip = _Clip(*some, views, sparsities, stratified)
-    found = _by_rigid_motion(clip, counts, cluster)
+    found = _by_rigid_motion(clip, counts, cluster, focal_length)
     if found is None:
         found = _by_frame_pairs(clip, counts, cluster)
     explanation = None
@@ -251,7 +254,7 @@ def _by_frame_pairs(clip, counts, cluster):
     return _Found(best, chosen, gainless, {})
 
 
-def _by_rigid_motion(clip, counts, cluster):
+def _by_rigid_motion(clip, counts, cluster, focal_length=None):
     """The best partitions by rigid motion over windows; None where it tells little."""
     windows = _windows(clip)
     most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), len(clip.points))
@@ -268,7 +271,8 @@ def _by_rigid_motion(clip, counts, cluster):
         ]
 
     views = clip.sparse[-1]
-    search = RigidSearch(windows, views.sum(axis=0), views[0])
+    share = focal_length and focal_length / windows.size
+    search = RigidSearch(windows, views.sum(axis=0), views[0], share)
     over_segments = [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
     bisect = partial(_bisect, clip, cluster)
     found = rigid_partitions(search, over_segments, counts, clustered, bisect)
