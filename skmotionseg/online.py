@@ -102,6 +102,9 @@ class OnlineMotionSegmenter(BaseEstimator):
     The estimator can be pickled between any two frames, and goes on as it would have.
     The order of the tracks within a frame does not matter.
 
+    The focal length and one coefficient of lens distortion are estimated from the
+    tracks, at the start and in every sixth frame.
+
     A label that was given is not taken back. Where two motions turn out to be one, and
     where a track changes sides, :meth:`result` has the last label.
 

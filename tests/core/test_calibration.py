@@ -84,6 +84,18 @@ def test_motions_of_few_tracks_tell_nothing():
     np.testing.assert_allclose(precision, estimate.precision)
 
 
+@pytest.mark.parametrize("spread", [0.0, 1e-3])
+def test_tracks_in_one_place_tell_nothing(spread):
+    rng, estimate = np.random.default_rng(0), CameraEstimate(WIDTH)
+    points = np.full((20, LENGTH, 2), 200.0) + spread * rng.standard_normal((20, 1, 2))
+    camera = Camera(SIZE / 2, FOCAL, 0.15 / FOCAL, RADIUS)
+    window = Window(points, np.ones((20, LENGTH), dtype=bool), camera)
+    groups = [np.arange(20)]
+    found, (values, precision) = estimate.improved(window, groups, window.fit(groups))
+    assert np.isfinite([found.unit, found.bend, *values]).all()
+    np.testing.assert_allclose(precision, estimate.precision, rtol=0.05)
+
+
 def test_a_lens_that_zooms_is_followed():
     _, estimate = estimated(n_times=1)
     for _ in range(200):  # the same again and again
