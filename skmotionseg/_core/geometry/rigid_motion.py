@@ -42,8 +42,6 @@ CONVERGED = 0.01
 FREEDOM = 3.0
 # A standard deviation over the median of residuals is about this.
 SCALE_OF_MEDIAN = 1.2
-# Damping with which the camera's part of the equations is solved.
-HELD = 1e-6
 # Tracks times motions whose residuals are found at a time.
 SIZE_OF_BLOCK = 4096
 # Columns whose products are the normal equations of three unknowns: six of the matrix,
@@ -215,8 +213,7 @@ def camera_information(x, seen, weights, floor, reference, poses, derivatives):
     state = _minimise(problems, _state_of(problems, poses), LAST_ITERATIONS)
     root = _root_of_weights(problems, state, _scale(problems, state))
     left = state.residuals * root
-    # What no residual tells, such as the scale of depths, is held where it is.
-    some = _reduced(problems, state, root, left, np.full(len(x), HELD))
+    some = _reduced(problems, state, root, left, np.zeros(len(x)))
     rows = _camera_rows(problems, state, derivatives) * root  # (P, 2, L, B, n)
     P, _, L, B, _ = rows.shape
     of_depths = (rows * some.depths).sum(axis=(1, 2)).swapaxes(0, 1)  # (B, P, n)
