@@ -141,7 +141,7 @@ estimator, default="description_length"
         Focal length of the camera in pixels, for rigid motions over windows of frames;
         the principal point is taken to be the middle of what the tracks cover. ``None``
         means that it is found: of the usual ones, the one that explains the motions of
-        the clip best. If it is known, errors are lower.
+        the clip best.
     n_landmarks : int, "auto" or None, default="auto"
         Number of tracks that are fitted; each other gets the label of the fitted tracks
         that are nearest in place and displacement. "auto" fits all tracks if there are

@@ -11,14 +11,10 @@ from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
     RigidSearch,
     calibrated_paths,
-    infinitely_far,
     rigid_partitions,
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
-
-# Median of the absolute value of a normal variable.
-OF_A_NORMAL = 0.6745
 
 
 @pytest.fixture(scope="module")
@@ -110,23 +106,6 @@ def test_what_moves_before_a_still_camera_is_apart():
     assert found.gain < 0.5
     assert found.far > 0.5
     assert found.log_odds > 0
-
-
-def test_what_is_at_infinity_is_told_from_what_is_near():
-    rng = np.random.RandomState(6)
-    near, far = rng.normal(1.0, 0.1, (50, 2)), rng.normal(0.0, 0.1, (80, 2))
-    near[rng.uniform(size=near.shape) < 0.3] = np.nan
-    errors = [np.full_like(each, 0.1) for each in (near, far)]
-    whole = np.log(5) / (1 + OF_A_NORMAL)
-    assert infinitely_far([near, far], errors) == pytest.approx(whole, abs=0.2)
-    assert infinitely_far([far, near], errors[::-1]) == pytest.approx(whole, abs=0.2)
-    # Neither is at infinity, the depths overlap, or nothing is known.
-    assert infinitely_far([near + 3, far + 3], errors) < 0.1
-    assert infinitely_far([far[:40], far[40:]], [errors[1][:40]] * 2) == 0
-    unseen = np.full_like(near, np.nan)
-    assert infinitely_far([unseen, far], errors) == 0
-    same = [np.zeros((9, 2))] * 2
-    assert infinitely_far(same, [np.ones((9, 2))] * 2) == 0
 
 
 def test_the_focal_length_is_looked_at_again_in_larger_groups():
