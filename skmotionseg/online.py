@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Integral
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -37,8 +37,8 @@ class OnlineMotionSegmenter(BaseEstimator):
     explains make a new one, if it explains several of them much better than a motion
     that is there could, and still does so five frames later. What a joint motion
     explains again and again, until it has been a motion of its own for long enough, is
-    joined. Every sixth frame, the focal length is compared with a shorter and a longer
-    one in turn.
+    joined. The focal length and one coefficient of lens distortion are estimated at the
+    start, and again in every sixth frame.
 
     Ten frames do not show all motions: after 15, 22 and 33 frames, all frames so far
     are segmented again. That adds motions and places tracks, and ends no motion. These
@@ -59,6 +59,9 @@ class OnlineMotionSegmenter(BaseEstimator):
         Whether labels of tracks that are out of view are kept, for :meth:`result` and
         for tracks that come back after more than twelve frames. That takes about a bit
         per track; all else depends only on what is in view.
+    focal_length : float or None, default=None
+        Focal length of the camera in pixels, if it is known. ``None`` means that it is
+        estimated. Lens distortion is estimated in any case.
     random_state : int, RandomState instance or None, default=None
         Drives the segmentations of the first frames, and where new motions are looked
         for.
@@ -102,9 +105,6 @@ class OnlineMotionSegmenter(BaseEstimator):
     The estimator can be pickled between any two frames, and goes on as it would have.
     The order of the tracks within a frame does not matter.
 
-    The focal length and one coefficient of lens distortion are estimated from the
-    tracks, at the start and in every sixth frame.
-
     A label that was given is not taken back. Where two motions turn out to be one, and
     where a track changes sides, :meth:`result` has the last label.
 
@@ -131,6 +131,7 @@ class OnlineMotionSegmenter(BaseEstimator):
             StrOptions({"auto"}),
         ],
         "keep_history": ["boolean"],
+        "focal_length": [Interval(Real, 0, None, closed="neither"), None],
         "random_state": ["random_state"],
     }
 
@@ -139,10 +140,12 @@ class OnlineMotionSegmenter(BaseEstimator):
         n_motions: int | str = "auto",
         *,
         keep_history: bool = True,
+        focal_length: float | None = None,
         random_state: int | np.random.RandomState | None = None,
     ) -> None:
         self.n_motions = n_motions
         self.keep_history = keep_history
+        self.focal_length = focal_length
         self.random_state = random_state
 
     @single_threaded
@@ -209,7 +212,7 @@ class OnlineMotionSegmenter(BaseEstimator):
         rng = check_random_state(self.random_state)
         rng = np.random.RandomState(rng.randint(2**31 - 1))
         most = None if self.n_motions == "auto" else self.n_motions
-        return MotionStream(most, rng, self.keep_history)
+        return MotionStream(most, rng, self.keep_history, self.focal_length)
 
     def _reasons(self, labels, ids):
         buffer = self._stream.buffer
@@ -225,7 +228,9 @@ class OnlineMotionSegmenter(BaseEstimator):
         """Motions of the tracks of the first frames, the static scene first."""
         most: Any = MOST_AT_FIRST if self.n_motions == "auto" else self.n_motions
         seed = self._stream.rng.randint(2**31 - 1)
-        segmenter = MotionSegmenter(max_motions=most, random_state=seed)
+        segmenter = MotionSegmenter(
+            max_motions=most, focal_length=self.focal_length, random_state=seed
+        )
         try:
             labels = segmenter.fit(pack_tracks(points, seen)).labels_
         except ValueError:  # too few tracks are seen together

@@ -20,7 +20,7 @@ N_POINTS = 500
 # What does not go with it, as it needs the whole video.
 WHOLE = ("split_dir", "report", "masks", "static_masks", "prompts", "viewer")
 # Options of a segmenter of clips that the one of streams does not have.
-OF_CLIPS = ("min_motions", "max_motions", "models", "selection", "focal_length")
+OF_CLIPS = ("min_motions", "max_motions", "models", "selection")
 
 
 def segment_live(arguments):
@@ -38,7 +38,11 @@ def segment_live(arguments):
     _check(arguments)
     console = require("rich.console", extra="cli").Console()
     frames = open_frames(_source(arguments.file), cameras=True).every(arguments.stride)
-    segmenter = OnlineMotionSegmenter(arguments.motions, random_state=arguments.seed)
+    segmenter = OnlineMotionSegmenter(
+        arguments.motions,
+        focal_length=arguments.focal_length,
+        random_state=arguments.seed,
+    )
     started = time.perf_counter()
     with ExitStack() as files:
         table, window = None, None

@@ -112,3 +112,16 @@ def test_what_cannot_be_is_not_taken():
     camera, _ = estimate.improved(film(camera), [], [])
     assert camera.unit == pytest.approx(unit)
     assert camera.bend == pytest.approx(-calibration.MOST_BENT)
+
+
+def test_a_focal_length_that_is_given_stays():
+    unit = 0.9 * FOCAL  # not what the tracks say
+    camera = Camera(SIZE / 2, unit, 0.15 / unit, RADIUS)
+    estimate, groups = CameraEstimate(WIDTH, unit), [np.arange(60)]
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        window = turning(rng, bend=-0.05)(camera)
+        camera, known = estimate.improved(window, groups, window.fit(groups))
+        estimate.add(*known)
+        assert camera.unit == pytest.approx(unit, rel=1e-12)
+    assert camera.bend < -0.02

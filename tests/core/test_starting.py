@@ -47,6 +47,13 @@ def test_focal_length_is_found_between_those_that_are_tried_first(first_frames):
     assert np.linalg.det(estimate.precision) > 4 / np.prod(np.square(SPREADS))
 
 
+def test_a_focal_length_that_is_given_is_taken(first_frames):
+    points, seen, rows, groups = first_frames
+    found, estimate = starting.calibrate(points, seen, rows, groups, 600.0)
+    assert found.camera.unit == pytest.approx(600)
+    assert np.exp(estimate.values[0]) == pytest.approx(600)
+
+
 def test_steps_are_taken_towards_the_best(first_frames, monkeypatch):
     points, seen, rows, groups = first_frames
     sizes = np.ptp(points[seen], axis=0).max()

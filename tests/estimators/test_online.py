@@ -6,7 +6,7 @@ import pickle
 
 import numpy as np
 import pytest
-from helpers.films import enter, film, stop_and_go
+from helpers.films import FOCAL, enter, film, stop_and_go
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -53,6 +53,13 @@ def played(movie):
 def half(movie):
     """A segmenter that has seen the first twenty frames, pickled."""
     return pickle.dumps(play(movie, frames=range(20))[2])
+
+
+def test_a_focal_length_that_is_given_is_kept(movie):
+    segmenter = OnlineMotionSegmenter(focal_length=FOCAL, random_state=0)
+    _, _, segmenter = play(movie, segmenter, range(13))
+    assert segmenter._stream.camera.unit == pytest.approx(FOCAL)
+    assert segmenter.n_motions_ == 2
 
 
 def test_identities_last(movie, played):

@@ -212,7 +212,7 @@ def test_what_is_stopped_is_written(file, tmp_path, capsys, monkeypatch):
         (["--render", "sheet.png"], "end in .mp4; got sheet.png"),
         (["--masks", "masks"], "--masks needs the whole video"),
         (["--report", "report.png"], "--report needs the whole video"),
-        (["--focal-length", "640"], "--focal-length is for clips"),
+        (["--models", "affine"], "--models is for clips"),
         (["--selection", "ncre"], "--selection is for clips"),
     ],
 )

@@ -19,6 +19,9 @@ import numpy as np
 # Least standard deviation of the noise: pixels in a video 640 pixels wide.
 REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
+# The focal length of a usual camera, as a share of the larger side of what tracks cover
+# (24 to 50 mm in front of 36 mm are 0.67 to 1.4; of phones and cars, 0.5 to 0.8).
+USUAL_FOCAL_LENGTH = 0.85
 # Values under a root are at least this: beyond, a lens shows nothing.
 LEAST_ROOT = 0.05
 

@@ -34,6 +34,8 @@ class CameraEstimate:
     ----------
     width : float
         Of the picture, pixels.
+    focal_length : float, optional
+        Pixels; if it is given, it stays, and only the lens is estimated.
 
     Attributes
     ----------
@@ -43,10 +45,14 @@ class CameraEstimate:
         Inverse of their covariance.
     """
 
-    def __init__(self, width):
-        self.values = np.array([np.log(USUAL_FOCAL_LENGTH * width), 0.0])
-        self.precision = np.diag(1 / np.square(SPREADS))
-        low, high = np.log(SHORTEST * width), np.log(LONGEST * width)
+    def __init__(self, width, focal_length=None):
+        shares, spreads = np.array([USUAL_FOCAL_LENGTH, SHORTEST, LONGEST]), SPREADS
+        first, low, high = np.log(shares * width)
+        if focal_length is not None:
+            first = low = high = np.log(focal_length)
+            spreads = SUREST[0], SPREADS[1]
+        self.values = np.array([first, 0.0])
+        self.precision = np.diag(1 / np.square(spreads))
         self._range = np.array([[low, -MOST_BENT], [high, MOST_BENT]])
 
     def improved(self, window, groups, fits):

@@ -93,7 +93,7 @@ class Beginning:
         return ids, points, seen
 
 
-def calibrate(points, seen, rows, groups):
+def calibrate(points, seen, rows, groups, focal_length=None):
     """The camera by which the motions of groups explain tracks best.
 
     Parameters
@@ -104,6 +104,8 @@ def calibrate(points, seen, rows, groups):
     rows : ndarray of int
         Tracks to be explained.
     groups : list of ndarray of int
+    focal_length : float, optional
+        Pixels, if it is known.
 
     Returns
     -------
@@ -120,8 +122,10 @@ def calibrate(points, seen, rows, groups):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    best = tried[best_focal_length(nats)]
-    estimate = CameraEstimate(float(np.ptp(points[seen], axis=0).max()))
+    width = float(np.ptp(points[seen], axis=0).max()) or 1.0
+    share = best_focal_length(nats) if focal_length is None else focal_length / width
+    nats(share)  # if it was given, it is the only one
+    best, estimate = tried[share], CameraEstimate(width, focal_length)
     known = [k for k, fit in enumerate(best.fits) if fit]
     told = estimate.values, estimate.precision
     for _ in range(FIRST_STEPS if known else 0):

@@ -91,8 +91,8 @@ class MotionStream:
         All frames, until the last search.
     """
 
-    def __init__(self, n_motions, rng, keep_history=True):
-        self.n_motions, self.rng = n_motions, rng
+    def __init__(self, n_motions, rng, keep_history=True, focal_length=None):
+        self.n_motions, self.rng, self.focal_length = n_motions, rng, focal_length
         self.frame = -1
         self.buffer = TrackBuffer(LENGTH)
         self.history = History() if keep_history else None
@@ -184,7 +184,7 @@ class MotionStream:
         labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
         groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
         found, self.estimate = calibrate(
-            self.buffer.points, self.buffer.seen, rows, groups
+            self.buffer.points, self.buffer.seen, rows, groups, self.focal_length
         )
         if np.isfinite(found.nats):
             self.camera, self.scale = found.camera, found.scale
