@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from ..geometry.camera import USUAL_FOCAL_LENGTH
 from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
@@ -30,13 +31,12 @@ from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
-# The focal length of a usual camera, as a share of the larger side of what tracks
-# cover (24 to 50 mm in front of 36 mm are 0.67 to 1.4; of phones and cars, 0.5 to 0.8),
-# and nats per track by which one must explain tracks better, for each unit of the log
-# of its ratio to that. On simulated scenes, whose focal lengths are within 0.6 and 1.45
-# by construction, the weight hardly matters: from 0.2 to 1, errors are 0.16 to 0.21 on
-# average. With 1, clips of wide cameras stay at the usual one whatever they show.
-USUAL_FOCAL_LENGTH, NATS_OF_FOCAL_LENGTH = 0.85, 0.3
+# Nats per track by which a focal length must explain tracks better, for each unit of the
+# log of its ratio to the usual one. On simulated scenes, whose focal lengths are within
+# 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors are 0.16
+# to 0.21 on average. With 1, clips of wide cameras stay at the usual one whatever they
+# show.
+NATS_OF_FOCAL_LENGTH = 0.3
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..geometry.camera import USUAL_FOCAL_LENGTH
+
 # Frames from one estimate to the next.
 FRAMES_PER_ESTIMATE = 6
 # Tracks of a motion that has a say.
 FEWEST_TELLING = 10
-# A usual camera: its focal length in widths of the picture, and standard deviations of
-# its logarithm and of the bend of lenses.
-USUAL_FOCAL_LENGTH, SPREADS = 0.85, (0.5, 0.03)
+# Of usual cameras, standard deviations of the logarithm of the focal length and of the
+# bend of the lens.
+SPREADS = 0.5, 0.03
 # Residuals that say as much as one that is independent: windows overlap, and noise of
 # trackers drifts and is shared by neighbours.
 ALIKE = 12.0
