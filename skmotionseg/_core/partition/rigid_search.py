@@ -31,11 +31,11 @@ from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
-# Nats per track by which a focal length must explain tracks better, for each unit of the
-# log of its ratio to the usual one. On simulated scenes, whose focal lengths are within
-# 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors are 0.16
-# to 0.21 on average. With 1, clips of wide cameras stay at the usual one whatever they
-# show.
+# Nats per track by which a focal length must explain tracks better, for each unit of
+# the log of its ratio to the usual one. On simulated scenes, whose focal lengths are
+# within 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors
+# are 0.16 to 0.21 on average. With 1, clips of wide cameras stay at the usual one
+# whatever they show.
 NATS_OF_FOCAL_LENGTH = 0.3
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
