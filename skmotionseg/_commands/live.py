@@ -12,7 +12,7 @@ from .._utils.optional import require
 from .._utils.writing import check_output, replacing
 from .console import facts_table
 from .label_files import begin_observations, write_frame
-from .method_options import METHOD_OPTIONS
+from .method_options import METHOD_OPTIONS, option_name
 from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
@@ -68,10 +68,11 @@ def _check(arguments):
     check_output(arguments.render, (".mp4",))
     for name in WHOLE:
         if getattr(arguments, name, None) is not None:
-            option = "--" + name.replace("_", "-")
-            raise ValueError(f"{option} needs the whole video, and --live has a frame")
+            raise ValueError(
+                f"{option_name(name)} needs the whole video, and --live has a frame"
+            )
     for name in OF_CLIPS:
-        option = "--" + name.replace("_", "-")
+        option = option_name(name)
         if getattr(arguments, name) != METHOD_OPTIONS[option].get("default"):
             raise ValueError(f"{option} is for clips, and --live has a stream")
 

@@ -121,15 +121,15 @@ def check_method_options(arguments, video):
     counts = [n for n in ("min_motions", "max_motions") if getattr(arguments, n)]
     if counts and arguments.motions != "auto":
         raise ValueError(
-            f"{_option(counts[0])} is for --motions auto; got --motions "
+            f"{option_name(counts[0])} is for --motions auto; got --motions "
             f"{arguments.motions}"
         )
     options = file_options(arguments)
     given = [name for name in options if options[name] is not None]
     if given and video:
         raise ValueError(
-            f"{_option(given[0])} is for track files; {arguments.file} is a video or a "
-            "folder"
+            f"{option_name(given[0])} is for track files; {arguments.file} is a video "
+            "or a folder"
         )
 
 
@@ -161,5 +161,6 @@ def method_parameters(arguments):
     }
 
 
-def _option(name):
+def option_name(name):
+    """What a parameter is called on the command line."""
     return f"--{name.replace('_', '-')}"
