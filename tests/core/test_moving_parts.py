@@ -9,9 +9,12 @@ from helpers.rooms import BOX, N_FRAMES, SIZE, clip
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.moving_parts import (
     least_cut,
+    moving_odds,
     moving_parts,
+    relative_noise,
     track_graph,
 )
+from skmotionseg._core.partition.static_scene import StaticScene
 from skmotionseg.datasets import make_scene
 
 
@@ -128,6 +131,44 @@ def test_what_is_too_short_or_too_few_is_not_judged():
     points, visibility, _ = clip(BOX, (0.02, 0.05, 0))
     assert found(points[:, :2], visibility[:, :2]) is None
     assert found(points[:8], visibility[:8]) is None
+
+
+def test_noise_is_told_by_jitter_and_not_by_motion():
+    """Three kinds of tracks before a camera that shakes: still, noisy, moving."""
+    rng = np.random.default_rng(0)
+    kind = np.arange(300) % 3
+    points = rng.normal(scale=np.where(kind == 1, 0.8, 0.1), size=(30, 2, 300)).T
+    points = points.swapaxes(1, 2) + rng.normal(scale=2.0, size=(30, 2))
+    points[kind == 2] += 0.05 * np.arange(30.0)[:, None] ** 2
+    visibility = np.ones((300, 30), dtype=bool)
+    visibility[::10, 3:] = False  # too briefly to tell
+    noise = relative_noise(points, visibility, kind == 0)
+    assert (noise[::10] == 1).all()
+    still, noisy, moving = (np.median(noise[kind == k]) for k in range(3))
+    assert abs(still - 1) < 0.05
+    assert abs(moving - 1) < 0.05
+    assert 1.7 < noisy < 2.0  # 8 to the power of 0.3
+
+
+@pytest.mark.parametrize("n_frames", [3, 12])
+def test_tracks_without_noise_are_as_usual(n_frames):
+    points = np.zeros((20, n_frames, 2))
+    noise = relative_noise(points, np.ones((20, n_frames), bool), np.ones(20, bool))
+    assert (noise == 1).all()
+
+
+def test_windows_that_are_alike_tell_less_than_as_many_others():
+    def odds(deviations):
+        scene = StaticScene(
+            np.array([deviations]),
+            *np.zeros((1, 1, len(deviations))),
+            np.ones((1, len(deviations))),
+            np.zeros((1, len(deviations)), dtype=bool),
+        )
+        return moving_odds(scene)[0]
+
+    assert odds([4.0]) < odds([4.0, 4.0]) < 2 * odds([4.0])
+    assert odds([4.0, np.nan]) == odds([4.0])
 
 
 def test_the_least_cut_is_the_least():

@@ -32,6 +32,11 @@ LEAST_ODDS, MOST_BY_RESIDUAL, MOST_BY_STEP, MOST_ODDS = -2.0, 4.0, 3.0, 6.0
 ODDS_OF_LABEL = 1.0
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
+# Correlation of what two windows tell of a track: its patch stays with it.
+ALIKE = 0.5
+# Noise grows with a track's jitter, taken over that of the scene's tracks and within
+# limits, to this power; frames by which jitter is told.
+NOISE_OF_JITTER, JITTERS, FRAMES_OF_JITTER = 0.3, (0.1, 10.0), 4
 # What it costs to part two neighbours, in nats, by how far they move from each other,
 # in pixels of a video 640 pixels wide; and the share that is left in any case.
 LINK, LINK_SCALE, LEAST_LINK = 1.0, 2.0, 0.1
@@ -90,6 +95,8 @@ def moving_parts(points, visibility, labels, background, size):
     scene = fit_static_scene(windows, size, groups)
     if not scene.members.any():
         return None
+    noise = relative_noise(points, visibility, scene.members.any(axis=1))
+    scene = scene._replace(noise=scene.noise * noise[:, None])
     graph = track_graph(points, visibility, REFERENCE_WIDTH / max(size))
     odds = moving_odds(scene)
     odds += ODDS_OF_LABEL * ((labels >= 0) & (labels != background))
@@ -112,7 +119,44 @@ def moving_odds(scene):
     n_known = known.sum(axis=1)
     often = np.log(SHARE_MOVING * np.exp(np.where(known, odds, 0)) + 1 - SHARE_MOVING)
     total = np.where(known, np.where(n_known[:, None] > 1, often, odds), 0).sum(axis=1)
+    total /= 1 + ALIKE * np.maximum(n_known - 1, 0)
     return total.clip(LEAST_ODDS, MOST_ODDS)
+
+
+def relative_noise(points, visibility, static):
+    """Noise (n_tracks,) of each track over that which is usual in the scene.
+
+    A track's noise changes from frame to frame, and the paths of things hardly do: the
+    third difference of its places, less that which all have as the camera shakes, is
+    nearly noise alone. Poor patches have more of it.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    static : ndarray of bool, shape (n_tracks,)
+        Tracks of the scene.
+
+    Returns
+    -------
+    ndarray of shape (n_tracks,)
+        1 where a track is seen too briefly to tell.
+    """
+    squares, counts = np.zeros((2, len(points)))
+    for first in range(points.shape[1] - FRAMES_OF_JITTER + 1):
+        frames = slice(first, first + FRAMES_OF_JITTER)
+        rows = np.flatnonzero(visibility[:, frames].all(axis=1))
+        if len(rows):
+            jerk = np.diff(points[rows, frames], n=FRAMES_OF_JITTER - 1, axis=1)[:, 0]
+            jerk = jerk - np.median(jerk, axis=0)
+            squares[rows] += (jerk**2).sum(axis=1)
+            counts[rows] += 1
+    jitter, known = np.sqrt(squares / np.maximum(counts, 1)), static & (counts > 0)
+    usual = np.median(jitter[known]) if known.any() else 0.0
+    if usual == 0:
+        return np.ones(len(points))
+    relative = np.where(counts > 0, jitter / usual, 1)
+    return relative.clip(*JITTERS) ** NOISE_OF_JITTER
 
 
 class TrackGraph(NamedTuple):
