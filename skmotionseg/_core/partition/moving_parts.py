@@ -28,8 +28,9 @@ from .static_scene import fit_static_scene, view_of
 # beyond so many; at least and at most so much, per window and in all.
 SLOPE, RESIDUALS, STEPS = 3.0, 2.5, 4.0
 LEAST_ODDS, MOST_BY_RESIDUAL, MOST_BY_STEP, MOST_ODDS = -2.0, 4.0, 3.0, 6.0
-# Log odds by a label that is not the background's.
-ODDS_OF_LABEL = 1.0
+# Log odds by a label that is not the background's: less than two windows at rest say.
+# Where labels part the scene, they do not count.
+ODDS_OF_LABEL = 0.5
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
 # Correlation of what two windows tell of a track: its patch stays with it.
@@ -335,6 +336,8 @@ class _Parts:
                     1e-9
                 )
                 by_ratio = (SLOPE * np.log(ratio / AROUND_RATIO)).clip(*LIMB_ODDS)
+                still = scene <= LEAST_SCENE * self._noise[region]
+                by_ratio = np.where(still, np.minimum(by_ratio, 0), by_ratio)
                 odds[region[left]] = np.where(known, by_ratio, 0)[left]
         pairs = self._pairs[taken[self._pairs].all(axis=1)]
         odds[~taken] = LEAST_ODDS
