@@ -7,14 +7,17 @@ import pytest
 from helpers.rooms import BOX, N_FRAMES, SIZE, clip
 
 from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.moving_parts import (
+    ODDS_OF_LABEL,
+    _Parts,
     least_cut,
     moving_odds,
     moving_parts,
     relative_noise,
     track_graph,
 )
-from skmotionseg._core.partition.static_scene import StaticScene
+from skmotionseg._core.partition.static_scene import StaticScene, fit_static_scene
 from skmotionseg.datasets import make_scene
 
 
@@ -157,18 +160,48 @@ def test_tracks_without_noise_are_as_usual(n_frames):
     assert (noise == 1).all()
 
 
+def scene_of(deviations):
+    """One track, so many standard deviations from the scene in some windows."""
+    deviations = np.array([deviations])
+    return StaticScene(
+        deviations,
+        np.zeros_like(deviations),
+        np.ones_like(deviations),
+        np.zeros(deviations.shape, dtype=bool),
+    )
+
+
 def test_windows_that_are_alike_tell_less_than_as_many_others():
     def odds(deviations):
-        scene = StaticScene(
-            np.array([deviations]),
-            *np.zeros((1, 1, len(deviations))),
-            np.ones((1, len(deviations))),
-            np.zeros((1, len(deviations)), dtype=bool),
-        )
-        return moving_odds(scene)[0]
+        return moving_odds(scene_of(deviations))[0]
 
-    assert odds([4.0]) < odds([4.0, 4.0]) < 2 * odds([4.0])
+    assert odds([4.0] * 2) < odds([4.0] * 4) < 1.5 * odds([4.0] * 2)
     assert odds([4.0, np.nan]) == odds([4.0])
+
+
+def test_labels_say_less_than_two_windows_at_rest():
+    for n_windows in (2, 3, 10):
+        at_rest = moving_odds(scene_of([0.5] * n_windows))[0]
+        assert at_rest + ODDS_OF_LABEL < 0
+
+
+def test_what_is_as_near_to_the_scene_as_its_noise_is_no_limb():
+    """Its neighbours have the same noise: they move like it, and do not move."""
+    points, visibility, moves = clip(BOX, (0.02, 0.05, 0))
+    middle = np.nanmean(points, axis=1)
+    cells = np.unique(middle // 120, axis=0, return_inverse=True)[1].ravel()
+    rng = np.random.default_rng(0)
+    shared = rng.normal(scale=0.2, size=(cells.max() + 1, N_FRAMES, 2))
+    points = points + shared[cells]
+    low, high = middle[moves].min(axis=0) - 30, middle[moves].max(axis=0) + 30
+    around = ~moves & ((middle > low) & (middle < high)).all(axis=1)
+    windows = Windows(points, visibility)
+    scene = fit_static_scene(windows, SIZE)
+    pairs = track_graph(points, visibility, 1.0).pairs
+    labels = np.where(moves, 0, -1)
+    found = _Parts(windows, scene, pairs)._with_limbs(labels, moves | around)
+    assert around.sum() < moves.sum()
+    assert (found[around] >= 0).mean() < 0.2
 
 
 def test_the_least_cut_is_the_least():

@@ -337,7 +337,7 @@ class _Parts:
                 )
                 by_ratio = (SLOPE * np.log(ratio / AROUND_RATIO)).clip(*LIMB_ODDS)
                 still = scene <= LEAST_SCENE * self._noise[region]
-                by_ratio = np.where(still, np.minimum(by_ratio, 0), by_ratio)
+                by_ratio = np.where(still, LIMB_ODDS[0], by_ratio)
                 odds[region[left]] = np.where(known, by_ratio, 0)[left]
         pairs = self._pairs[taken[self._pairs].all(axis=1)]
         odds[~taken] = LEAST_ODDS
