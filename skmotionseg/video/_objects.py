@@ -22,7 +22,8 @@ def find_objects(
     kept where a motion of their own, or the movement of the tracks around each one,
     explains them better: noise, and water, are explained by neither. Parts that touch,
     and over time go together against the scene, are one thing, as the limbs of a body
-    are.
+    are. So is what goes behind something and, within twelve frames, comes out where it
+    is expected.
 
     Clips of two frames, and those of which no rigid motion can be told, are judged by
     the labels alone: the scene is the label that frames the image, and the other labels

@@ -10,6 +10,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from .reappearing import reappeared
+
 # Cells per side of the picture in which tracks are counted for the extent of a motion.
 N_CELLS = 12
 # Tracks of the static scene by which its motion at a place is told.
@@ -104,7 +106,8 @@ def moving_objects(points, visibility, labels, background):
 
     Parts that touch, and over time go together against the static scene, are one thing:
     the limbs of a body that came apart. Tracks of no motion that move against the scene
-    and have others like them around are parts, too.
+    and have others like them around are parts, too. What goes behind something and
+    comes out again is one thing as well.
 
     Parameters
     ----------
@@ -132,12 +135,22 @@ def moving_objects(points, visibility, labels, background):
     if n_parts == 0:
         return objects
     joined = _joined(points, visibility, parts, n_parts, windows, moved, noise)
-    things = np.where(parts >= 0, joined[parts], -1)
-    seen = visibility.sum(axis=1)
-    sizes = np.bincount(things[things >= 0], seen[things >= 0], joined.max() + 1)
-    rank = np.empty(len(sizes), dtype=int)
-    rank[np.argsort(-sizes, kind="stable")] = np.arange(1, len(sizes) + 1)
-    return np.where(things >= 0, rank[things], objects)
+    objects = np.where(parts >= 0, joined[parts] + 1, objects)
+    objects = _ranked(objects, visibility)
+    was = reappeared(points, visibility, objects)
+    return _ranked(np.where(objects > 0, was[objects], objects), visibility)
+
+
+def _ranked(objects, visibility):
+    """The same with things numbered 1, 2, ..., those seen most often first."""
+    things = objects > 0
+    names, places = np.unique(objects[things], return_inverse=True)
+    sizes = np.bincount(places, visibility[things].sum(axis=1), len(names))
+    rank = np.empty(len(names), dtype=int)
+    rank[np.argsort(-sizes, kind="stable")] = np.arange(1, len(names) + 1)
+    ranked = objects.copy()
+    ranked[things] = rank[places]
+    return ranked
 
 
 def _windows(n_frames):
