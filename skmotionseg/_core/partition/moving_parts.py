@@ -30,7 +30,7 @@ SLOPE, RESIDUALS, STEPS = 3.0, 2.5, 4.0
 LEAST_ODDS, MOST_BY_RESIDUAL, MOST_BY_STEP, MOST_ODDS = -2.0, 4.0, 3.0, 6.0
 # Log odds by a label that is not the background's: less than two windows at rest say.
 # Where labels part the scene, they do not count.
-ODDS_OF_LABEL = 0.5
+ODDS_OF_LABEL = 0.7
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
 # Correlation of what two windows tell of a track: its patch stays with it.
