@@ -688,24 +688,25 @@ def make_scene(
         One of :func:`scene_families`.
     random_state : int, RandomState instance or None, default=None
     **overrides : number or (low, high)
-        What is not to be drawn from the range of the family, or from another range:
-        ``n_tracks`` (outliers included), ``n_frames``, ``n_motions`` (of a range, no
-        more than can have 20 tracks each), ``background`` (share of the tracks that
-        follow a motion), ``outliers`` (share of all tracks), ``noise`` (standard
-        deviation of a coordinate one frame after the track begins, pixels), ``drift``
-        (share of its variance that adds up from frame to frame), ``inertia``
-        (correlation of what is added with what was added the frame before),
-        ``spread`` (standard deviation over tracks of the logarithm of their noise),
-        ``shared`` (share of the noise that neighbours have in common),
-        ``motion_noise`` (what is added to the noise, in pixels per pixel that a track
-        moves per frame), ``late`` (share of the tracks that begin after the first
-        frame), ``life`` (mean number of frames after which a track is lost), ``seen`` (share of the frames a point is
-        found in, unordered photographs only), ``gaps`` (share of tracks with a gap),
-        ``focal`` (image widths) and ``distortion`` (by which the lens moves the
-        corners of the image, as a share of their distance from its middle; negative
-        for barrels) and ``texture`` (share of what stands still and is seen that has
-        tracks, in patches; 1 in every other scene); ``image_size`` is (width, height)
-        in pixels.
+        What is not to be drawn from the range of the family, or from another
+        range: ``n_tracks`` (outliers included), ``n_frames``, ``n_motions`` (of
+        a range, no more than can have 20 tracks each), ``background`` (share of
+        the tracks that follow a motion), ``outliers`` (share of all tracks),
+        ``noise`` (standard deviation of a coordinate one frame after the track
+        begins, pixels), ``drift`` (share of its variance that adds up from
+        frame to frame), ``inertia`` (correlation of what is added with what was
+        added the frame before), ``spread`` (standard deviation over tracks of
+        the logarithm of their noise), ``shared`` (share of the noise that
+        neighbours have in common), ``motion_noise`` (what is added to the
+        noise, in pixels per pixel that a track moves per frame), ``late``
+        (share of the tracks that begin after the first frame), ``life`` (mean
+        number of frames after which a track is lost), ``seen`` (share of the
+        frames a point is found in, unordered photographs only), ``gaps`` (share
+        of tracks with a gap), ``focal`` (image widths) and ``distortion`` (by
+        which the lens moves the corners of the image, as a share of their
+        distance from its middle; negative for barrels) and ``texture`` (share
+        of what stands still and is seen that has tracks, in patches; 1 in every
+        other scene); ``image_size`` is (width, height) in pixels.
 
     Returns
     -------
