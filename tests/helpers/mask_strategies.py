@@ -63,12 +63,16 @@ class Films:
         rng = np.random.default_rng(self.seed)
         size = self.n_frames, self.height, self.width
         pictures = {
-            "texture": lambda: np.repeat([rng.integers(256, size=size[1:])], size[0], 0),
+            "texture": lambda: np.repeat(
+                [rng.integers(256, size=size[1:])], size[0], 0
+            ),
             "noise": lambda: rng.integers(256, size=size),
             "black": lambda: np.zeros(size),
             "white": lambda: np.full(size, 255),
             "stripes": lambda: np.zeros(size) + 255 * (np.arange(size[2]) // 4 % 2),
-            "changing": lambda: np.zeros(size) + rng.integers(256, size=(size[0], 1, 1)),
+            "changing": lambda: (
+                np.zeros(size) + rng.integers(256, size=(size[0], 1, 1))
+            ),
             "colours": lambda: rng.integers(256, size=(*size, 3)),
         }
         return list(pictures[self.picture]().astype(np.uint8))
