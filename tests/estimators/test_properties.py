@@ -397,7 +397,8 @@ def check_matches(segmenter, recipe):
     assert ((sure >= 0) & (sure <= 1)).all()
     assert (sure[labels == -1] == 0).all()
     assert_array_equal(segmenter.label_reasons_ == "assigned", labels >= 0)
-    assert_allclose(segmenter.count_probabilities_.sum(), 1)
+    chances = segmenter.count_probabilities_
+    assert np.isnan(chances).all() or abs(chances.sum() - 1) < 1e-9
     assert str(segmenter.report(recipe.given()))
 
 
