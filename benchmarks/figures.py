@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks import reliability, report, search_gap, sensitivity, two_view_peers
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
-from skmotionseg._commands.paper_runs import FUSIONS, summarize_paper
+from skmotionseg._commands.paper_runs import FUSIONS, RULES, summarize_paper
 from skmotionseg._commands.paper_tables import PARTS, paper_sections
 from skmotionseg._commands.runs import PAPER, summarize
 from skmotionseg._commands.video_runs import summarize_videos
@@ -250,10 +250,9 @@ def _paper_part(dataset, found):
         "|---" * 7 + "|",
     ]
     for method, row, (error, median, *unknown) in found:
-        cells = [
-            "{error:.2f} ({median:.2f}) [{exponent}]".format(**row["known"]),
-            _both("{:.2f}", error, " ({:.2f})", median),
-        ]
+        known = "{error:.2f} ({median:.2f}) [{exponent}]".format(**row["known"])
+        known = "" if method in RULES else known  # which choose the number alone
+        cells = [known, _both("{:.2f}", error, " ({:.2f})", median)]
         for case, theirs in zip(
             ("from_1", "from_2"), (unknown[:2], unknown[2:]), strict=True
         ):
