@@ -72,7 +72,8 @@ def check_stream(case):
         assert segmenter.n_frames_ == count
         assert_frame_is_labelled(segmenter, labels, ids)
         given |= set(ids.tolist())
-        numbers |= set(labels[labels >= 0].tolist())
+        numbers |= set(segmenter.motions_.tolist())
+        assert set(labels.tolist()) <= numbers | {-1}
         if count % 7 == 3:
             assert_is_refused(segmenter, count // 7)
     assert segmenter.n_motions == "auto" or len(numbers) <= segmenter.n_motions
