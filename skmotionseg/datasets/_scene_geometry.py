@@ -10,6 +10,10 @@ from scipy.spatial.transform import Rotation
 
 NEAREST = 0.2  # depth below which nothing is seen
 RIDGE = 1e-12  # keeps the inverse depth finite where there is no parallax
+PATCH_SIZES = 0.12, 0.6  # image widths from one patch of texture to the next
+N_WAVES = 8  # that make patches
+N_REDRAWS = 40  # of points that are where no texture is
+N_TEXTURE_PROBES = 256  # points that say how much of the view has texture
 
 
 class Camera(NamedTuple):
@@ -91,6 +95,47 @@ def in_view(camera, depth_of):
         return turned + camera.positions[frames]
 
     return surface
+
+
+def in_patches(surface, share, camera, rng):
+    """Static points of which only patches of the world have any.
+
+    Parameters
+    ----------
+    surface : Surface
+        Where there might be some.
+    share : float
+        Of what is seen in the middle of the scene that is in patches.
+    camera : Camera
+    rng : numpy.random.RandomState
+
+    Returns
+    -------
+    Surface
+    """
+    middle = len(camera.positions) // 2
+    probes = surface(np.full(N_TEXTURE_PROBES, middle), rng)
+    local = (probes - camera.positions[middle]) @ camera.rotations[middle]
+    width = np.median(local[:, 2]) * camera.size[0] / camera.focal
+    period = width * np.exp(rng.uniform(*np.log(PATCH_SIZES)))
+    waves = 2 * np.pi / period * rng.standard_normal((3, N_WAVES)) / np.sqrt(3)
+    phases = rng.uniform(0, 2 * np.pi, N_WAVES)
+
+    def texture(points):
+        return np.sin(points @ waves + phases).sum(axis=1)
+
+    least = np.quantile(texture(probes), 1 - share)
+
+    def patches(frames, rng):
+        points = surface(frames, rng)
+        for _ in range(N_REDRAWS):
+            plain = np.flatnonzero(texture(points) < least)
+            if len(plain) == 0:
+                break
+            points[plain] = surface(frames[plain], rng)
+        return points
+
+    return patches
 
 
 def box(sides, eye=None):

@@ -17,6 +17,7 @@ from ._scene_geometry import (
     blob,
     box,
     direction,
+    in_patches,
     in_view,
     misfits,
     project,
@@ -74,6 +75,7 @@ class _Family(NamedTuple):
     gaps: tuple = (0.0, 0.0)  # share of the tracks
     focal: tuple = (0.7, 1.4)  # image widths
     distortion: tuple = (-0.05, 0.01)  # by which the lens moves the image's corners
+    texture: tuple = (0.08, 0.5)  # share of what stands still, or all in half of scenes
     sizes: tuple = ((640, 480), (720, 576), (854, 480), (1280, 720))
 
 
@@ -618,7 +620,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
     *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
-    "distortion",
+    *("distortion", "texture"),
 )
 _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "n_tracks": (1, np.inf),
@@ -630,10 +632,11 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "life": (1, np.inf),
     "focal": (0.1, np.inf),
     "distortion": (-0.3, 0.3),
+    "texture": (0.01, 1),
 }
 _NOISES = ("noise", "drift", "inertia", "spread", "shared")
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
-_LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life")
+_LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture")
 
 
 def scene_families(n_frames: int | None = None) -> tuple[str, ...]:
@@ -693,7 +696,9 @@ def make_scene(
         found in, unordered photographs only), ``gaps`` (share of tracks with a gap),
         ``focal`` (image widths) and ``distortion`` (by which the lens moves the
         corners of the image, as a share of their distance from its middle; negative
-        for barrels); ``image_size`` is (width, height) in pixels.
+        for barrels) and ``texture`` (share of what stands still and is seen that has
+        tracks, in patches; 1 in every other scene); ``image_size`` is (width, height)
+        in pixels.
 
     Returns
     -------
@@ -740,10 +745,13 @@ def make_scene(
     rng = check_random_state(random_state)
     # Of its own, lest all families have as many tracks and motions with one seed.
     streams = rng.randint(2**31 - 1, size=len(SCENE_FAMILIES))
-    rng = np.random.RandomState(streams[SCENE_FAMILIES.index(family)])
-    settings = _draw_settings(family, overrides, rng)
+    own = streams[SCENE_FAMILIES.index(family)]
+    rng, texture = map(np.random.RandomState, (own, own ^ 1))
+    settings = _draw_settings(family, overrides, rng, texture)
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
+    if surface is not None and settings.texture < 1:
+        surface = in_patches(surface, settings.texture, camera, texture)
     things, shares = _draw_things(camera, surface, draw, settings, chosen, rng)
     filmed = camera, things, shares, surface is not None
     return _film(family, *filmed, settings, chosen, rng)
@@ -752,7 +760,7 @@ def make_scene(
 # --------------------------------------------------------------------------- assembling
 
 
-def _draw_settings(family, overrides, rng):
+def _draw_settings(family, overrides, rng, of_texture):
     chosen = _FAMILIES[family]
     unknown = set(overrides) - {*_RANGES, "image_size"}
     if unknown:
@@ -765,7 +773,10 @@ def _draw_settings(family, overrides, rng):
     settings.image_size = _as_image_size(size)
     for name in _RANGES:
         given = overrides.get(name, getattr(chosen, name))
-        settings[name] = _draw_setting(name, given, rng)
+        drawn_by = of_texture if name == "texture" else rng
+        settings[name] = _draw_setting(name, given, drawn_by)
+    if "texture" not in overrides and of_texture.uniform() < 0.5:
+        settings.texture = 1.0
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0
     n_inliers = settings.n_tracks - round(settings.outliers * settings.n_tracks)

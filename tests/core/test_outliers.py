@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -10,6 +13,8 @@ from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.outliers import (
     FEWEST_DEVIATIONS,
+    REMOTE,
+    STRANGE,
     RigidOutliers,
     least_residuals,
     outlier_limit,
@@ -66,6 +71,19 @@ def test_unexplained_tracks_that_go_together_are_no_outliers(clip, found):
         [found[-1].outside(together[[k]], visibility[[k]])[0] for k in others]
     )
     assert apart.mean() > 0.5
+
+
+@pytest.mark.parametrize("remoteness", [REMOTE - 0.1, REMOTE + 0.1, 3.0, np.inf])
+def test_outliers_are_far_from_motions_and_from_neighbours(clip, found, remoteness):
+    points, visibility, _ = clip
+    alike = SimpleNamespace(remoteness=lambda p, _: np.full(len(p), remoteness))
+    windows, motions, outliers = found
+    residuals = least_residuals(windows, motions) / windows.least_noise
+    limit = max(outliers.limit / windows.least_noise, STRANGE / remoteness)
+    assert_array_equal(
+        replace(outliers, neighbours=alike).outside(points, visibility),
+        np.isfinite(residuals) & (residuals > limit) & (remoteness > REMOTE),
+    )
 
 
 def test_tracks_seen_in_no_window_are_not_judged(clip, found):

@@ -142,6 +142,29 @@ def test_a_lens_moves_corners_most_and_the_middle_not_at_all():
     assert_allclose(share[seen], -0.05 * outward[seen] ** 2, atol=1e-9)
 
 
+def test_texture_is_in_patches_where_less_than_all_has_any():
+    whole, patchy = (
+        make_scene("hand_held", n_tracks=400, late=0, random_state=0, texture=share)
+        for share in (1, 0.1)
+    )
+    assert_array_equal(whole.settings["n_motions"], patchy.settings["n_motions"])
+
+    def crowding(scene):
+        """Distance to the nearest other static track, over that between all."""
+        still = places(scene.data)[scene.target == scene.background, 0]
+        gaps = np.linalg.norm(still[:, None] - still, axis=2)
+        np.fill_diagonal(gaps, np.inf)
+        return np.nanmedian(np.nanmin(gaps, axis=1)) / np.nanmedian(gaps)
+
+    assert crowding(patchy) < 0.7 * crowding(whole)
+
+
+def test_every_other_scene_has_texture_everywhere():
+    shares = [scene_of("two_images", k).settings["texture"] for k in range(24)]
+    assert 4 <= sum(share == 1 for share in shares) <= 20
+    assert 0.08 <= min(shares) <= 0.5
+
+
 @every_family
 def test_most_scenes_have_a_truth(family):
     separations = [scene_of(family, seed).separation for seed in range(10)]
