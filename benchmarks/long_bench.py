@@ -49,6 +49,9 @@ def long_scene(n_frames, seed):
         n_motions=N_MOTIONS,
         life=LIFE,
         outliers=0,
+        focal=(0.7, 1.4),
+        texture=1,
+        motion_noise=0,
         random_state=seed,
     )
 

@@ -54,11 +54,14 @@ def with_gaps(seen, share, min_seen, rng):
     return np.where(enough[:, None], left, seen)
 
 
-def tracker_noise(points, seen, noise, drift, inertia, spread, shared, rng):
+def tracker_noise(
+    points, seen, noise, drift, inertia, spread, shared, motion_noise, rng
+):
     """Errors of a tracker, (n_tracks, n_frames, 2), pixels.
 
     White noise plus a walk that begins where the track does. Each track has a scale of
-    its own, log-normal, and neighbours have a share of both in common.
+    its own, log-normal, and neighbours have a share of both in common. What moves fast
+    before the camera comes near or goes away, and is tracked less well.
 
     Parameters
     ----------
@@ -76,6 +79,8 @@ def tracker_noise(points, seen, noise, drift, inertia, spread, shared, rng):
         Standard deviation of the logarithm of a track's scale.
     shared : float
         Share of the variance that neighbours have in common, in [0, 1].
+    motion_noise : float
+        Pixels of noise, for the usual track, per pixel that it moves per frame.
     rng : RandomState
     """
     shape = points.shape
@@ -91,8 +96,16 @@ def tracker_noise(points, seen, noise, drift, inertia, spread, shared, rng):
         np.cumsum(walk, axis=1, out=walk)
         walk -= walk[np.arange(len(walk)), seen.argmax(axis=1)][:, None]
         errors += np.sqrt(drift) * walk
-    errors *= noise * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
+    level = np.hypot(noise, motion_noise * _steps(points, seen))[:, None, None]
+    errors *= level * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
     return errors
+
+
+def _steps(points, seen):
+    """Mean distance (n_tracks,) from one frame to the next, pixels."""
+    both = seen[:, 1:] & seen[:, :-1]
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    return np.where(both, steps, 0).sum(axis=1) / np.maximum(both.sum(axis=1), 1)
 
 
 def _partly_shared(shape, shared, common, rng):

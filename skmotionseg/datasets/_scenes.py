@@ -68,12 +68,13 @@ class _Family(NamedTuple):
     inertia: tuple = (0.0, 0.8)  # correlation of a step of the drift with the next
     spread: tuple = (0.3, 0.8)
     shared: tuple = (0.3, 0.9)  # share of the noise that neighbours have in common
+    motion_noise: tuple = (0.0, 0.012)  # pixels, per pixel and frame of motion
     late: tuple = (0.1, 0.5)  # share of the tracks that begin after the first frame
     life: tuple | None = (8, 80)  # mean, in frames; None: as long as the scene
     whole: bool = False  # only tracks that are seen in all frames
     seen: tuple | None = None  # share of the frames a point is found in, unordered
     gaps: tuple = (0.0, 0.0)  # share of the tracks
-    focal: tuple = (0.7, 1.4)  # image widths
+    focal: tuple = (0.5, 1.4)  # image widths
     distortion: tuple = (-0.05, 0.01)  # by which the lens moves the image's corners
     texture: tuple = (0.08, 0.5)  # share of what stands still, or all in half of scenes
     sizes: tuple = ((640, 480), (720, 576), (854, 480), (1280, 720))
@@ -517,7 +518,7 @@ _FAMILIES = {
         spread=(0.4, 0.8),
         late=(0.15, 0.5),
         life=(15, 100),
-        focal=(0.6, 1.2),
+        focal=(0.5, 1.2),
         sizes=_KITTI,
     ),
     "still_camera": _Family(_still, (60, 2000), (8, 60), (2, 5), (0.3, 0.9)),
@@ -565,6 +566,7 @@ _FAMILIES = {
         noise=(0.5, 2.0),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
+        motion_noise=(0.0, 0.0),
         life=None,
         sizes=((640, 480), (720, 576)),
     ),
@@ -579,6 +581,7 @@ _FAMILIES = {
         noise=(1.2, 6.0),
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
+        motion_noise=(0.0, 0.0),
         life=None,
         seen=(0.15, 0.4),
         sizes=((1280, 960), (1600, 1200), (3000, 2000)),
@@ -620,7 +623,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
     *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
-    *("distortion", "texture"),
+    *("distortion", "texture", "motion_noise"),
 )
 _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "n_tracks": (1, np.inf),
@@ -629,12 +632,15 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "outliers": (0, 0.9),
     "noise": (0, np.inf),
     "spread": (0, np.inf),
+    "motion_noise": (0, np.inf),
     "life": (1, np.inf),
     "focal": (0.1, np.inf),
     "distortion": (-0.3, 0.3),
     "texture": (0.01, 1),
 }
-_NOISES = ("noise", "drift", "inertia", "spread", "shared")
+_NOISES = ("noise", "drift", "inertia", "spread", "shared", "motion_noise")
+# By random numbers of their own, so that all else is as it was without them.
+_DRAWN_LATE = ("texture", "motion_noise")
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
 _LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture")
 
@@ -682,23 +688,25 @@ def make_scene(
         One of :func:`scene_families`.
     random_state : int, RandomState instance or None, default=None
     **overrides : number or (low, high)
-        What is not to be drawn from the range of the family, or from another range:
-        ``n_tracks`` (outliers included), ``n_frames``, ``n_motions`` (of a range, no
-        more than can have 20 tracks each), ``background`` (share of the tracks that
-        follow a motion), ``outliers`` (share of all tracks), ``noise`` (standard
-        deviation of a coordinate one frame after the track begins, pixels), ``drift``
-        (share of its variance that adds up from frame to frame), ``inertia``
-        (correlation of what is added with what was added the frame before),
-        ``spread`` (standard deviation over tracks of the logarithm of their noise),
-        ``shared`` (share of the noise that neighbours have in common), ``late`` (share
-        of the tracks that begin after the first frame), ``life`` (mean number of
-        frames after which a track is lost), ``seen`` (share of the frames a point is
-        found in, unordered photographs only), ``gaps`` (share of tracks with a gap),
-        ``focal`` (image widths) and ``distortion`` (by which the lens moves the
-        corners of the image, as a share of their distance from its middle; negative
-        for barrels) and ``texture`` (share of what stands still and is seen that has
-        tracks, in patches; 1 in every other scene); ``image_size`` is (width, height)
-        in pixels.
+        What is not to be drawn from the range of the family, or from another
+        range: ``n_tracks`` (outliers included), ``n_frames``, ``n_motions`` (of
+        a range, no more than can have 20 tracks each), ``background`` (share of
+        the tracks that follow a motion), ``outliers`` (share of all tracks),
+        ``noise`` (standard deviation of a coordinate one frame after the track
+        begins, pixels), ``drift`` (share of its variance that adds up from
+        frame to frame), ``inertia`` (correlation of what is added with what was
+        added the frame before), ``spread`` (standard deviation over tracks of
+        the logarithm of their noise), ``shared`` (share of the noise that
+        neighbours have in common), ``motion_noise`` (what is added to the
+        noise, in pixels per pixel that a track moves per frame), ``late``
+        (share of the tracks that begin after the first frame), ``life`` (mean
+        number of frames after which a track is lost), ``seen`` (share of the
+        frames a point is found in, unordered photographs only), ``gaps`` (share
+        of tracks with a gap), ``focal`` (image widths) and ``distortion`` (by
+        which the lens moves the corners of the image, as a share of their
+        distance from its middle; negative for barrels) and ``texture`` (share
+        of what stands still and is seen that has tracks, in patches; 1 in every
+        other scene); ``image_size`` is (width, height) in pixels.
 
     Returns
     -------
@@ -746,12 +754,12 @@ def make_scene(
     # Of its own, lest all families have as many tracks and motions with one seed.
     streams = rng.randint(2**31 - 1, size=len(SCENE_FAMILIES))
     own = streams[SCENE_FAMILIES.index(family)]
-    rng, texture = map(np.random.RandomState, (own, own ^ 1))
-    settings = _draw_settings(family, overrides, rng, texture)
+    rng, late_rng = map(np.random.RandomState, (own, own ^ 1))
+    settings = _draw_settings(family, overrides, rng, late_rng)
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
     if surface is not None and settings.texture < 1:
-        surface = in_patches(surface, settings.texture, camera, texture)
+        surface = in_patches(surface, settings.texture, camera, late_rng)
     things, shares = _draw_things(camera, surface, draw, settings, chosen, rng)
     filmed = camera, things, shares, surface is not None
     return _film(family, *filmed, settings, chosen, rng)
@@ -760,7 +768,7 @@ def make_scene(
 # --------------------------------------------------------------------------- assembling
 
 
-def _draw_settings(family, overrides, rng, of_texture):
+def _draw_settings(family, overrides, rng, late_rng):
     chosen = _FAMILIES[family]
     unknown = set(overrides) - {*_RANGES, "image_size"}
     if unknown:
@@ -773,9 +781,9 @@ def _draw_settings(family, overrides, rng, of_texture):
     settings.image_size = _as_image_size(size)
     for name in _RANGES:
         given = overrides.get(name, getattr(chosen, name))
-        drawn_by = of_texture if name == "texture" else rng
+        drawn_by = late_rng if name in _DRAWN_LATE else rng
         settings[name] = _draw_setting(name, given, drawn_by)
-    if "texture" not in overrides and of_texture.uniform() < 0.5:
+    if "texture" not in overrides and late_rng.uniform() < 0.5:
         settings.texture = 1.0
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0

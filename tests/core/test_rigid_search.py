@@ -114,6 +114,7 @@ def test_what_moves_before_a_still_camera_is_apart():
 def test_the_focal_length_is_looked_at_again_in_larger_groups():
     """Small pieces of a scene hardly tell it, the whole of it does."""
     exact = {"outliers": 0.0, "noise": 0.1, "drift": 0.0, "distortion": 0.0}
+    exact |= {"motion_noise": 0.0, "texture": 1, "focal": 0.7}
     simulated = make_scene(
         "street", n_tracks=300, n_frames=12, life=100, random_state=1, **exact
     )

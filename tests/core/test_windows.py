@@ -7,8 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
+from skmotionseg._core.geometry.camera import LEAST_NOISE, REFERENCE_WIDTH
 from skmotionseg._core.geometry.windows import (
     FEWEST_TRACKS,
+    NOISE_PER_MOTION,
     WINDOW_FRAMES,
     FitRequest,
     Windows,
@@ -60,6 +62,27 @@ def test_the_order_of_tracks_changes_nothing(clip):
     members = np.flatnonzero(y[order] == 0)
     (one,), (other,) = windows.fit([group]), shuffled.fit([members])
     assert_allclose(one.squares[order], other.squares, rtol=1e-5, atol=1e-12)
+
+
+def test_residuals_are_relative_to_how_fast_tracks_move():
+    """A third is at rest, and of the others each moves by so many pixels a frame."""
+    rng = np.random.RandomState(0)
+    speeds = np.repeat([0.0, 4.0, 20.0], 10)
+    places = rng.uniform(0, 400, size=(30, 1, 2))
+    points = places + speeds[:, None, None] * np.arange(20)[:, None] * [0.6, 0.8]
+    visibility = np.arange(20) != rng.randint(20, size=30)[:, None]
+    windows = Windows(np.where(visibility[..., None], points, np.nan), visibility)
+    noise = NOISE_PER_MOTION * speeds * REFERENCE_WIDTH / windows.size
+    expected = 1 + (noise / LEAST_NOISE)[:, None] ** 2
+    assert_allclose(windows.variances, expected + 0 * windows.variances)
+    tracks = np.arange(30)
+    (motion,) = windows.fit([tracks])
+    relative, freedom = windows.deviations(motion, tracks)
+    plain, _ = windows.deviations(motion, tracks, relative=False)
+    known = (freedom > 0) & (plain > 0)
+    assert_allclose((plain / relative)[known], np.sqrt(expected[:, 0])[known])
+    squares = np.nansum(windows.relative_squares(motion), axis=1)
+    assert_allclose(squares[known], (relative**2 * freedom)[known])
 
 
 def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):

@@ -215,11 +215,11 @@ def test_noise_grows_as_it_drifts():
     rng = np.random.RandomState(0)
     points = rng.uniform(0, 500, size=(4000, 8, 2))
     seen = np.ones((4000, 8), bool)
-    white = tracker_noise(points, seen, 0.5, 0, 0, 0, 0, rng)
+    white = tracker_noise(points, seen, 0.5, 0, 0, 0, 0, 0, rng)
     assert_allclose(white.std(axis=(0, 2)), 0.5, rtol=0.05)
-    walk = tracker_noise(points, seen, 0.5, 1, 0, 0, 0, rng)
+    walk = tracker_noise(points, seen, 0.5, 1, 0, 0, 0, 0, rng)
     assert_allclose(walk.std(axis=(0, 2)), 0.5 * np.sqrt(np.arange(8)), rtol=0.05)
-    creep = tracker_noise(points, seen, 0.5, 1, 1, 0, 0, rng)
+    creep = tracker_noise(points, seen, 0.5, 1, 1, 0, 0, 0, rng)
     assert_allclose(creep.std(axis=(0, 2)), 0.5 * np.arange(8), rtol=0.05)
 
 
@@ -227,11 +227,21 @@ def test_noise_begins_with_the_track_and_has_its_scale():
     rng = np.random.RandomState(0)
     seen = np.arange(9) >= rng.randint(5, size=3000)[:, None]
     points = rng.uniform(0, 500, size=(3000, 9, 2))
-    walk = tracker_noise(points, seen, 1, 1, 0.5, 0.7, 0, rng)
+    walk = tracker_noise(points, seen, 1, 1, 0.5, 0.7, 0, 0, rng)
     first = seen.argmax(axis=1)
     assert (walk[np.arange(3000), first] == 0).all()
     steps = np.abs(walk[np.arange(3000), first + 1]).mean(axis=1)
     assert np.log(steps).std() == pytest.approx(np.hypot(0.7, 0.55), rel=0.1)
+
+
+def test_what_moves_fast_is_tracked_less_well():
+    rng = np.random.RandomState(0)
+    speeds = np.repeat([0.0, 3.0, 30.0], 1000)
+    points = speeds[:, None, None] * np.arange(6)[:, None] * [0.6, 0.8]
+    seen = rng.uniform(size=(3000, 6)) > 0.2
+    errors = tracker_noise(points, seen, 0.2, 0, 0, 0, 0, 0.01, rng)
+    found = errors.reshape(3, 1000, -1).std(axis=(1, 2))
+    assert_allclose(found, np.hypot(0.2, [0, 0.03, 0.3]), rtol=0.06)
 
 
 def test_neighbours_share_noise():
@@ -239,7 +249,7 @@ def test_neighbours_share_noise():
     points = np.repeat(rng.uniform(0, 500, size=(300, 5, 2)), 2, axis=0)
     seen = np.ones((600, 5), bool)
     for shared in (0, 0.5, 1):
-        errors = tracker_noise(points, seen, 1, 0.5, 0, 0, shared, rng)
+        errors = tracker_noise(points, seen, 1, 0.5, 0, 0, shared, 0, rng)
         pairs = errors.reshape(300, 2, -1)
         alike = (pairs[:, 0] * pairs[:, 1]).sum() / (pairs**2).sum() * 2
         assert alike == pytest.approx(shared, abs=0.08)

@@ -253,7 +253,8 @@ class RigidSearch:
         most = MOST_NATS * freedom
         costs = []
         for motion in motions:
-            ratio = motion.squares / (FREEDOM * self.scale**2)
+            squares = self.windows.relative_squares(motion)
+            ratio = squares / (FREEDOM * self.scale**2)
             nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
             nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
             costs.append(np.where(freedom > 0, nats, 0).sum(axis=1))
@@ -525,13 +526,13 @@ class RigidSearch:
         The log of the ratio of squared deviations, summed over the tracks, per track of
         the smaller group; and that motion.
         """
-        alike = (ALIKE / self.windows.pixels) ** 2
+        windows, alike = self.windows, (ALIKE / self.windows.pixels) ** 2
         totals = np.zeros(len(joints))
         for group, motion in zip(groups, own, strict=True):
-            apart, known = self.windows.deviations(motion, group)
-            apart = (apart * self.windows.shrinkage(motion, group)) ** 2 + alike
+            apart, known = windows.deviations(motion, group, relative=False)
+            apart = (apart * windows.shrinkage(motion, group)) ** 2 + alike
             for k, joint in enumerate(joints):
-                together, also = self.windows.deviations(joint, group)
+                together, also = windows.deviations(joint, group, relative=False)
                 ratio = (together**2 + alike) / apart
                 totals[k] += np.log(ratio[(known > 0) & (also > 0)]).sum()
         k = int(totals.argmin())
