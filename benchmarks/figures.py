@@ -25,7 +25,8 @@ import numpy as np
 from benchmarks import reliability, report, search_gap, sensitivity, two_view_peers
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
-from skmotionseg._commands.paper_runs import FUSIONS, RULES, SUBSETS, summarize_paper
+from skmotionseg._commands.paper_runs import FUSIONS, RULES, summarize_paper
+from skmotionseg._commands.paper_tables import PARTS, paper_sections
 from skmotionseg._commands.runs import PAPER, summarize
 from skmotionseg._commands.video_runs import summarize_videos
 from skmotionseg._segmenter.views import ALL_MODELS
@@ -223,14 +224,15 @@ def video_table(record):
 
 
 def paper_table(record):
-    """What ``bench --paper`` found, a part per dataset."""
+    """What ``bench --paper`` found beside the paper's figures, a part per dataset."""
     rows = {row["row"]: row for row in record.get("paper", ())}
-    subsets = [f"{subset} {fusion}" for subset in SUBSETS for fusion in FUSIONS]
     parts = []
     for dataset in DATASETS:
-        methods = [*ALL_MODELS, *FUSIONS, *subsets, *RULES]
         found = [
-            (m, rows[f"{dataset} {m}"]) for m in methods if f"{dataset} {m}" in rows
+            (method, rows[f"{dataset} {method}"], figures)
+            for section in paper_sections(dataset)
+            for method, figures in section
+            if f"{dataset} {method}" in rows
         ]
         if found:
             parts.append(_paper_part(dataset, found))
@@ -238,24 +240,33 @@ def paper_table(record):
 
 
 def _paper_part(dataset, found):
-    first = found[0][1]
+    _, first, _ = found[0]
     n_seeds = first["n_seeds"]
     lines = [
-        f"{dataset}, {first['n_sequences']} sequences, {n_seeds} "
+        f"{dataset}, {first['n_sequences']} sequences ({PARTS[dataset]}), {n_seeds} "
         f"seed{'' if n_seeds == 1 else 's'}:",
         "",
-        "| method | known, mean (median) | from 1 | from 2 |",
-        "|---" * 4 + "|",
+        "| method | known | the paper | from 1 | the paper | from 2 | the paper |",
+        "|---" * 7 + "|",
     ]
-    for method, row in found:
-        cells = ["{error:.2f} ({median:.2f}) [{exponent}]".format(**row["known"])]
-        cells += [
-            "{error:.2f} / {correct:.0f} [{exponent}]".format(**row[case])
-            for case in ("from_1", "from_2")
-        ]
+    for method, row, (error, median, *unknown) in found:
+        known = "{error:.2f} ({median:.2f}) [{exponent}]".format(**row["known"])
+        known = "" if method in RULES else known  # which choose the number alone
+        cells = [known, _both("{:.2f}", error, " ({:.2f})", median)]
+        for case, theirs in zip(
+            ("from_1", "from_2"), (unknown[:2], unknown[2:]), strict=True
+        ):
+            cells.append("{error:.2f} / {correct:.0f} [{exponent}]".format(**row[case]))
+            cells.append(_both("{:.2f}", theirs[0], " / {:.0f}", theirs[1]))
         name = NAMES.get(method, method).replace("_", " ")
         lines.append(f"| {name} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def _both(*pairs):
+    """Numbers in their forms, without those that are None."""
+    given = zip(pairs[::2], pairs[1::2], strict=True)
+    return "".join(form.format(n) for form, n in given if n is not None)
 
 
 # ------------------------------------------------------------------------------- speed

@@ -611,6 +611,8 @@ estimator, default="description_length"
             labels[found.best, others] = found.explanation.nearest(
                 points[others], visibility[others], labels[found.best, others]
             )
+        # Landmarks also place what is seen in frames that no frame pair joins.
+        labels[:, ~self._seen_in_pairs(visibility)] = -1
         return labels, shares
 
     @single_threaded

@@ -83,15 +83,27 @@ def _table(summary, dataset):
         table.add_column(column, justify="right")
     table.add_column("from 2: error", justify="right")
     table.add_column("right", justify="right")
-    for rows in _sections(dataset):
+    for rows in paper_sections(dataset):
         for name, paper in rows:
             table.add_row(name, *_cells(summary[dataset, name], paper))
         table.add_section()
     return table
 
 
-def _sections(dataset):
-    """Rows (method, the paper's figures) of single models, fusions, subsets, rules."""
+def paper_sections(dataset):
+    """The paper's figures of single models, fusions, subsets and rules.
+
+    Parameters
+    ----------
+    dataset : str
+
+    Yields
+    ------
+    list of (str, tuple)
+        A method, and six figures in percent, None where the paper has none: with the
+        number of motions known the error and its median; error and right counts from 1;
+        the same from 2.
+    """
     paper: dict[str, Any] = OUTDOOR if dataset == "MTPV62" else PAPER[dataset]
     yield [(model, paper[model]) for model in ALL_MODELS]
     yield [(fusion, paper[fusion]) for fusion in FUSIONS]

@@ -149,7 +149,8 @@ class ReportDisplay:
             self.X, self.labels, frame=self.frame, image=self.image, trail=self.trail
         )
         motions._read()  # before there is a figure
-        if axes is None:
+        made_here = axes is None
+        if made_here:
             _, axes = plt.subplots(
                 1, 2, figsize=FIGURE_SIZE, width_ratios=WIDTHS, layout="constrained"
             )
@@ -157,6 +158,10 @@ class ReportDisplay:
         self.motions_ = motions.plot(ax=axes[0])
         self._name_motions()
         self.counts_ = _count_display(self.report).plot(ax=axes[1])
+        if made_here:
+            # Axes of equal aspect next to others need a second layout; after the first,
+            # the title is outside of the figure.
+            self.figure_.draw_without_rendering()
         return self
 
     def _name_motions(self):

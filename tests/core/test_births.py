@@ -7,7 +7,13 @@ import pytest
 from helpers.windows import two_windows
 
 from skmotionseg._core.stream.assignment import measure
-from skmotionseg._core.stream.births import apartness, find_candidate, joint_motions
+from skmotionseg._core.stream.births import (
+    JOINTLY,
+    _spread,
+    apartness,
+    find_candidate,
+    joint_motions,
+)
 
 
 @pytest.fixture(scope="module")
@@ -63,3 +69,11 @@ def test_a_motion_is_apart_from_others_and_not_from_itself(windows):
     assert itself == np.inf
     assert other > 1
     assert same == 0
+
+
+def test_tracks_of_a_joint_motion_are_spread_over_the_group():
+    few, many = np.arange(JOINTLY - 1) + 7, np.arange(3 * JOINTLY) + 7
+    np.testing.assert_array_equal(_spread(few), few)
+    some = _spread(many)
+    assert (len(some), some[0], some[-1]) == (JOINTLY, many[0], many[-1])
+    assert set(np.diff(some)) <= {3, 4}

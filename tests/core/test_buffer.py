@@ -30,6 +30,24 @@ def test_tracks_are_kept_for_as_long_as_they_are_in_the_window():
     assert_array_equal(buffer.points[0, -1], [3, 3])
 
 
+def test_nothing_is_known_of_a_new_track():
+    """Whatever is known of those that are there."""
+    buffer = TrackBuffer(3)
+    pushed(buffer, [1, 5])
+    buffer.add_motion()
+    buffer.memory[:], buffer.labels[:], buffer.before[:], buffer.former[:] = 2, 3, 4, 5
+    buffer.outlying[:] = buffer.doubtful[:] = True
+    rows, new, _ = pushed(buffer, [5, 3, 1])
+    assert_array_equal(rows, [2, 1, 0])
+    assert_array_equal(new, [1])
+    assert_array_equal(buffer.memory, [[2], [0], [2]])
+    for values in (buffer.labels, buffer.before, buffer.former):
+        assert values[1] == -1 and (values[[0, 2]] >= 3).all()
+    for values in (buffer.outlying, buffer.doubtful):
+        assert_array_equal(values, [True, False, True])
+    assert not buffer.seen[1, :-1].any() and (buffer.points[1, :-1] == 0).all()
+
+
 def test_tracks_of_a_candidate_show_the_label_of_before():
     buffer = TrackBuffer(3)
     pushed(buffer, [0, 1, 2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_array_equal
 
+from skmotionseg._core.stream import history as module
 from skmotionseg._core.stream.history import TRACKS_PER_BLOCK, History
 
 
@@ -33,3 +34,18 @@ def test_history_takes_a_few_bits_per_track():
         history.add(ids, labels[ids])
     assert sum(len(block.packed) for block in history._blocks) < n
     assert len(history._blocks) < 24
+
+
+def test_only_blocks_that_may_hold_an_id_are_unpacked(monkeypatch):
+    history, unpacked = History(), []
+    for start in (0, 1000, 2000):
+        ids = start + np.arange(TRACKS_PER_BLOCK)
+        history.add(ids, ids % 7)
+    plain = module._unpacked
+    monkeypatch.setattr(
+        module, "_unpacked", lambda packed: unpacked.append(packed) or plain(packed)
+    )
+    assert_array_equal(history.labels_of(np.array([1003, 1127, 1500])), [2, 0, -1])
+    assert unpacked == [history._blocks[1].packed]
+    assert_array_equal(history.labels_of(np.array([-1, 500])), [-1, -1])
+    assert len(unpacked) == 1

@@ -9,6 +9,8 @@ from helpers.rooms import BOX, N_FRAMES, SIZE, clip
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.moving_parts import (
+    LARGE_STEP,
+    LEAST_NOISE,
     ODDS_OF_LABEL,
     _Parts,
     least_cut,
@@ -17,7 +19,11 @@ from skmotionseg._core.partition.moving_parts import (
     relative_noise,
     track_graph,
 )
-from skmotionseg._core.partition.static_scene import StaticScene, fit_static_scene
+from skmotionseg._core.partition.static_scene import (
+    StaticScene,
+    View,
+    fit_static_scene,
+)
 from skmotionseg.datasets import make_scene
 
 
@@ -227,3 +233,14 @@ def test_tracks_on_a_line_have_no_triangulation():
     line = np.column_stack([np.arange(5.0), np.zeros(5)])[:, None].repeat(4, axis=1)
     graph = track_graph(line, np.ones((5, 4), dtype=bool), 1.0)
     assert graph.pairs.shape == (0, 2)
+
+
+def test_steps_are_of_depths_to_those_around():
+    parts = object.__new__(_Parts)
+    parts._near = lambda rows, number: np.array([[1, 2], [0, 2], [0, 1]])
+    view = View(np.zeros(3), np.array([1.0, 1.0, 3.0]), np.array([10.0, 10.0, 20.0]))
+    steps = parts._steps_around(np.arange(3), 0, view)
+    free = LARGE_STEP * LEAST_NOISE
+    np.testing.assert_allclose(steps, np.array([10, 10, 40]) - free)
+    level = view._replace(depths=np.ones(3))
+    assert (parts._steps_around(np.arange(3), 0, level) == 0).all()

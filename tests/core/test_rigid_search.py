@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
     RigidSearch,
+    _n_apart,
     calibrated_paths,
     rigid_partitions,
 )
@@ -203,6 +206,21 @@ def test_a_focal_length_that_is_given_is_kept(scene):
     assert search.calibrate(y)
     assert not search.calibrate(y)
     assert search.windows.focal_length == 0.77
+
+
+@pytest.mark.parametrize(
+    ("odds", "fewest", "most", "expected"),
+    [
+        ({5: -1, 4: 2, 3: 3}, 1, 10, 4),
+        ({5: -1, 4: 2, 3: 3}, 1, 4, 4),  # at most
+        ({5: -1, 4: 2, 3: 3}, 1, 3, 3),
+        ({5: 1, 4: -2, 3: 0}, 3, 4, 3),  # none is: the fewest
+        ({2: 1, 1: 5}, 2, 4, 2),
+    ],
+)
+def test_the_largest_number_that_is_apart_is_taken(odds, fewest, most, expected):
+    path = [SimpleNamespace(n_motions=n, log_odds=odds[n]) for n in odds]
+    assert _n_apart(path, fewest, most) == expected
 
 
 def test_links_are_compared_with_chance(scene):

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skmotionseg._core.partition.scene import background_motion, moving_objects
+from skmotionseg._core.partition.scene import (
+    _extents,
+    background_motion,
+    moving_objects,
+)
 
 SIZE = (320, 240)
 
@@ -175,3 +179,9 @@ def test_the_order_of_tracks_does_not_matter():
     objects = moving_objects(points, visibility, labels, 0)
     again = moving_objects(points[order], visibility[order], labels[order], 0)
     np.testing.assert_array_equal(again, objects[order])
+
+
+def test_tracks_outside_of_the_picture_are_at_its_margin():
+    points = np.array([[-900.0, 50.0], [4.0, 50.0], [2000.0, 50.0], [50.0, 50.0]])
+    shares = _extents(points, np.array([0, 1, 0, 1]), 2, np.array([100.0, 100.0]))
+    np.testing.assert_allclose(shares, [0.75, 0.25])

@@ -170,7 +170,9 @@ class Ending:
         known = motions[other] if other is not None else None
         self.stream._remove(number, decision, known, events)
         numbers = [motion.number for motion in motions]
-        return numbers, self.stream.numbers.hidden, str(events[0]).split(": ")[1]
+        words = str(events[0]).split(": ")[1]
+        assert events[0].kind == ("merged" if "the same as" in words else "hidden")
+        return numbers, self.stream.numbers.hidden, words
 
 
 def test_what_was_of_its_own_for_a_short_time_only_ends_in_another():

@@ -49,6 +49,18 @@ def test_of_a_long_clip_every_so_many_frame_pairs_place_the_others():
     assert misclassification_error(y[80:], segmenter.predict(X[80:])) < 0.05
 
 
+def test_a_track_that_no_frame_pair_sees_gets_no_label_from_landmarks():
+    """Its neighbours are seen in the same frames, but these make no pair."""
+    X, _ = make_rigid_motions(60, 3, 1, missing=0, random_state=0)
+    X[50:, 4:] = np.nan
+    segmenter = MotionSegmenter(
+        frame_gap=2, n_landmarks=30, n_hypotheses=20, random_state=0
+    ).fit(X)
+    assert set(segmenter.label_reasons_[50:]) == {"too short"}
+    assert (segmenter.candidate_labels_[:, 50:] == -1).all()
+    assert (segmenter.labels_[:50] >= 0).all()
+
+
 @pytest.mark.parametrize("value", [0, -1, 801, 2.5, "all"])
 def test_bad_numbers_are_errors(scene, value):
     segmenter = MotionSegmenter(n_landmarks=value)

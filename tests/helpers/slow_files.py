@@ -2,6 +2,7 @@
 
 SLOW = {
     "core/test_edge_numbers.py",
+    "estimators/test_any_streams.py",
     "estimators/test_conformance.py",
     "estimators/test_interface.py",
     "estimators/test_invariances.py",
@@ -27,5 +28,6 @@ SLOW = {
     "system/test_real_data.py",
     "system/test_resources.py",
     "system/test_resume.py",
+    "video/test_any_masks.py",
     "video/test_video_benchmarks.py",
 }

@@ -260,6 +260,73 @@ def tracks(draw):
     )
 
 
+# ---------------------------------------------------------- two images and photographs
+
+
+@dataclass(frozen=True)
+class Matches:
+    """A recipe for correspondences of images, some of which are mismatches.
+
+    Attributes
+    ----------
+    points : Tracks
+        What is there to be matched.
+    mismatches : float
+        Share of the tracks that are elsewhere in the last image.
+    sights : int
+        Images that see a track, drawn for each; 0 if all do that the tracks say.
+    seed : int
+    """
+
+    points: Tracks
+    mismatches: float
+    sights: int
+    seed: int
+
+    n_copies = 0
+
+    def matrix(self):
+        rng = np.random.default_rng(self.seed)
+        X = self.points.matrix()
+        wrong = np.flatnonzero(rng.uniform(size=len(X)) < self.mismatches)
+        X[wrong, -2:] = X[rng.permutation(wrong), -2:]
+        if self.sights:
+            order = rng.uniform(size=(len(X), X.shape[1] // 2)).argsort(axis=1)
+            X[np.repeat(order >= self.sights, 2, axis=1)] = np.nan
+        return X
+
+    def given(self):
+        return self.matrix()
+
+
+@st.composite
+def matches(draw, n_frames):
+    """Of two images both see all points; of more, two or three see each."""
+    many = n_frames > 2
+    n_tracks = st.integers(60, 120) if many else st.integers(16, 60)
+    points = Tracks(
+        n_tracks=draw(mostly(n_tracks, st.integers(1, 15))),
+        n_frames=n_frames,
+        n_motions=draw(st.integers(1, 3)),
+        shape=draw(st.sampled_from(SHAPES)),
+        motion=draw(st.sampled_from(MOTIONS)),
+        missing=draw(mostly(st.just("nothing"), st.just("scattered"))),
+        n_copies=0,
+        noise=draw(st.sampled_from((0.0, 1e-6, 1e-3))),
+        scale=10.0 ** draw(mostly(st.integers(2, 4), st.integers(-6, 7))),
+        offset=draw(st.sampled_from((0.0, 1e3, 1e7))),
+        dtype=draw(mostly(st.just("float64"), st.just("float32"))),
+        container="array",
+        seed=draw(SEEDS),
+    )
+    return Matches(
+        points,
+        mismatches=draw(st.sampled_from((0.0, 0.3, 0.6, 1.0))),
+        sights=draw(mostly(st.just(2), st.just(3))) if many else 0,
+        seed=draw(SEEDS),
+    )
+
+
 # --------------------------------------------------------------------------- residuals
 
 RESIDUALS = ("random", "ties", "constant", "zeros", "wide", "one group")

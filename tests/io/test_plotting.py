@@ -367,6 +367,16 @@ def test_motions_that_are_not_drawn_are_not_in_the_legend(small):
     assert text.startswith(f"motion 0 ({first.n_tracks}): ")
 
 
+def test_the_title_of_a_report_is_inside_of_the_figure():
+    """Beside other axes, those of equal aspect are placed well by a second layout."""
+    X, y = make_rigid_motions(140, 8, random_state=0)
+    display = ReportDisplay(DISPLAYS["ReportDisplay"].report, X, y).plot()
+    figure = display.figure_
+    figure.canvas.draw()
+    title = figure.axes[0].title.get_window_extent()
+    assert title.y1 <= figure.bbox.height
+
+
 def test_report_axes_that_are_given_are_used():
     figure, axes = plt.subplots(2, 1)
     display = DISPLAYS["ReportDisplay"].plot(axes=axes)

@@ -269,7 +269,9 @@ def least_cut(odds, pairs, links, steps=1000):
     second = np.concatenate([*pairs.T[::-1], every, np.full(n, n + 1)])
     costs = np.concatenate([links, links, np.maximum(odds, 0), np.maximum(-odds, 0)])
     costs = np.rint(steps * costs).astype(np.int32)
-    capacity = csr_array((costs, (first, second)), shape=(n + 2, n + 2))
+    # The flow of SciPy 1.11 takes no indices of 64 bits.
+    ends = first.astype(np.int32), second.astype(np.int32)
+    capacity = csr_array((costs, ends), shape=(n + 2, n + 2))
     capacity.sum_duplicates()
     left = csr_array(capacity - maximum_flow(capacity, n, n + 1).flow)
     left.data = (left.data > 0).astype(np.int32)

@@ -147,6 +147,7 @@ def _seen_by(camera, points, seen, rows, groups):
         return Calibration(np.inf, camera, fits, camera.noise)
     measured = measure(window, known, camera.noise, rows)
     deviations = measured.deviations().min(axis=1)
-    deviation = float(np.median(deviations[np.isfinite(deviations)]))
+    judged = deviations[np.isfinite(deviations)]  # none, if tracks live two frames
+    deviation = float(np.median(judged)) if len(judged) else 0.0
     scale = camera.noise * max(1.0, SCALE_OF_NOISE * deviation)
     return Calibration(float(measured.nats.min(axis=1).sum()), camera, fits, scale)
