@@ -70,3 +70,11 @@ def test_a_clip_without_things_or_scene_has_none():
     alone = kind > 0
     was = reappeared(points[alone], visibility[alone], kind[alone])
     np.testing.assert_array_equal(was, [0, 1, 2])
+
+
+def test_where_the_scene_is_not_seen_nothing_is_expected():
+    points, visibility, kind = clip((4.0, 0.0))
+    ends = visibility[kind == 1].any(axis=0).sum()
+    visibility[np.ix_(kind == 0, range(ends - 2, ends + 8))] = False
+    points[~visibility] = np.nan
+    np.testing.assert_array_equal(reappeared(points, visibility, kind), [0, 1, 2])

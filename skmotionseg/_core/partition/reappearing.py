@@ -97,7 +97,7 @@ class _Tracks:
     def step_at(self, place, first, last):
         """Median movement (2,) of the tracks around a place; NaN for too few."""
         places, steps = self.steps(first, last)
-        if len(places) < FEWEST_STATIC:
+        if len(places) < FEWEST_STATIC or not np.isfinite(place).all():
             return np.full(2, np.nan)
         distance = np.linalg.norm(places - place, axis=1)
         near = distance <= np.sort(distance)[min(N_NEIGHBOURS, len(places)) - 1]
