@@ -106,10 +106,10 @@ def _run_paper(arguments, console, journal):
     from .runs import find_sequences
 
     if arguments.methods is not None:
-        raise ValueError("--paper has its own methods; give no --methods")
+        raise ValueError("--paper has its own methods; omit --methods")
     first, last = arguments.exponents
     if first > last:
-        raise ValueError(f"--exponents must not fall; got {first} {last}")
+        raise ValueError(f"--exponents must be in ascending order; got {first} {last}")
     datasets = arguments.datasets or [
         name for name in DELTAS if (arguments.data / name).is_dir()
     ]

@@ -208,7 +208,7 @@ def _check_options(arguments, video):
             f"--resume is for videos; {arguments.file} is a file of tracks"
         )
     if arguments.confidence and arguments.out is None:
-        raise ValueError("--confidence is written with the labels: say --out FILE")
+        raise ValueError("--confidence is written with the labels: add --out FILE")
 
 
 def _check_length(arguments, n_frames):

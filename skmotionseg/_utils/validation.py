@@ -70,7 +70,7 @@ def _check_packed(X):
         layout = "" if len(shape) == 3 else ", layout=..."
         raise ValueError(
             "X must be a matrix (n_tracks, 2 * n_frames); got an array of shape "
-            f"{tuple(shape)}: points of {kind} go in as "
+            f"{tuple(shape)}: convert points of {kind} by "
             f"pack_tracks(points, visibility{layout})"
         )
     if len(shape) == 2 and shape[0] == 0 and shape[1] > 0:
@@ -97,8 +97,8 @@ def check_cacheable(memory: object, random_state: object, name: str) -> None:
     """
     if memory is not None and not isinstance(random_state, int | np.integer):
         warnings.warn(
-            f"memory has no effect without an integer {name}, for other seeds give "
-            f"other results; got {name}={random_state!r}",
+            f"memory has no effect without an integer {name}, because other seeds "
+            f"give other results; got {name}={random_state!r}",
             stacklevel=4,
         )
 

@@ -205,9 +205,9 @@ def _read_npy(path, layout):
     with path.open("rb") as file:
         start = file.read(len(np.lib.format.MAGIC_PREFIX))
     if start.startswith(b"PK"):
-        raise ValueError("it is an archive: call it .npz")
+        raise ValueError("it is an archive of arrays: rename it to end in .npz")
     if start != np.lib.format.MAGIC_PREFIX:
-        raise ValueError("it does not start as numpy.save writes")
+        raise ValueError("it does not start like a file that numpy.save has written")
     array = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.ndim == 2 and layout is None:
         return {"data": array}
@@ -306,7 +306,7 @@ def _read_wide(header, rows):
     if not _is_header(header):
         return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
     if len(rows) == 1:
-        raise ValueError("there are no tracks under its header")
+        raise ValueError("there are no tracks below its header")
     table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
     fields = {}
     columns = list(range(len(header)))
@@ -350,7 +350,7 @@ def _is_number(cell):
 def _read_observations(header, rows, file_size):
     """Tracks from one row per observation."""
     if not rows:
-        raise ValueError("there are no observations under its header")
+        raise ValueError("there are no observations below its header")
     columns = {
         name: np.array([_number(row[i]) for row in rows])
         for i, name in enumerate(header)

@@ -92,7 +92,7 @@ def _parts(content, order, *, padded=True):
     at = 0
     while at < len(content):
         if len(content) - at < 8:
-            raise ValueError("it ends within the head of a part")
+            raise ValueError("it ends within the header of a part")
         kind, size = struct.unpack_from(order + "II", content, at)
         if kind >> 16 and padded:  # both in one word, and up to four bytes in the other
             kind, size = kind & 0xFFFF, kind >> 16
@@ -117,7 +117,7 @@ def _matrix(kind, payload, order, n_bytes, file_size):
     limit = most_bytes(file_size) + 8
     unpacked = zlib.decompressobj().decompress(payload, n_bytes or limit + 1)
     if len(unpacked) < 8:
-        raise ValueError("a compressed variable has no head")
+        raise ValueError("a compressed variable has no header")
     kind, size = struct.unpack_from(order + "II", unpacked)
     if kind != MATRIX:
         raise ValueError(f"expected a variable; got a part of kind {kind}")

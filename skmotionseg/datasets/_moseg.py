@@ -111,8 +111,8 @@ def _track_starts(text, numbers, n_tracks):
     while len(starts) < n_tracks:
         if start + 2 > len(numbers):
             raise ValueError(
-                f"line {_line(text, len(numbers) - 1)}: it ends after {len(starts)} of "
-                f"{n_tracks} tracks"
+                f"line {_line(text, len(numbers) - 1)}: the file ends after "
+                f"{len(starts)} of {n_tracks} tracks"
             )
         track = f"track {len(starts) + 1}"
         _whole(text, numbers, start, f"label of {track}", least=-(2**31))
@@ -126,7 +126,8 @@ def _track_starts(text, numbers, n_tracks):
         start += 2 + 3 * size
     if start < len(numbers):
         raise ValueError(
-            f"line {_line(text, start)}: it goes on after the last of {n_tracks} tracks"
+            f"line {_line(text, start)}: the file continues after the last of "
+            f"{n_tracks} tracks"
         )
     return np.array(starts)
 
@@ -145,8 +146,8 @@ def _frames(text, numbers, places, track, length):
     if back.any():
         place = int(places[1:][back][0])
         raise ValueError(
-            f"line {_line(text, place)}: the frames of a track must rise; got "
-            f"{numbers[place]:.15g} after {numbers[place - 3]:.15g}"
+            f"line {_line(text, place)}: the frames of a track must be in ascending "
+            f"order; got {numbers[place]:.15g} after {numbers[place - 3]:.15g}"
         )
     return frame.astype(int)
 

@@ -40,7 +40,7 @@ class NpzArrays(Mapping):
         try:
             self._zip = zipfile.ZipFile(path)
         except Exception as error:  # whatever a broken list of contents leads to
-            raise ValueError(f"it is no archive, or a cut one ({error})") from error
+            raise ValueError(f"not an archive, or truncated ({error})") from error
         self._members = {
             member.filename.removesuffix(".npy"): member
             for member in self._zip.infolist()

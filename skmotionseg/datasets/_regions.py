@@ -218,7 +218,7 @@ def _load_sequence(home, masks, n_frames, tracks, part=""):
     if not images:
         raise ValueError(
             f"{name}: none of the first {seen.shape[1]} frames has a mask; the tracks "
-            f"are of {path}"
+            f"were read from {path}"
         )
     frames, paths = zip(*images, strict=True)
     regions, weights, n_regions = _read_regions(paths, scales)

@@ -773,7 +773,8 @@ def _draw_settings(family, overrides, rng, late_rng):
     unknown = set(overrides) - {*_RANGES, "image_size"}
     if unknown:
         raise ValueError(
-            f"overrides must be of {(*_RANGES, 'image_size')}; got {sorted(unknown)}"
+            f"overrides must be some of {(*_RANGES, 'image_size')}; got "
+            f"{sorted(unknown)}"
         )
     settings = Bunch()
     sizes = chosen.sizes

@@ -105,8 +105,8 @@ def _batch_layout(arrays):
             return "frames_first"
     raise ValueError(
         f"'tracks' of shape {shape}, in a file of {sorted(arrays)}, may have tracks or "
-        'frames first: say layout="tracks_first" or layout="frames_first" (--layout of '
-        "the command)"
+        'frames first: pass layout="tracks_first" or layout="frames_first" (--layout '
+        "of the command)"
     )
 
 
@@ -142,7 +142,7 @@ def _tap_vid_size(data, arrays):
     if "video" not in arrays:
         raise ValueError(
             "all points lie in [0, 1], as shares of the image's size, and there is no "
-            "'video': say image_size=(width, height)"
+            "'video' to take its size from: pass image_size=(width, height)"
         )
     shape = arrays.shape("video")
     if len(shape) != 4:
@@ -164,7 +164,7 @@ def warn_if_normalized(data, name):
     warnings.warn(
         f"all coordinates in {name} are between -{largest:.3g} and {largest:.3g}, so "
         "they are not pixels, and residuals are not in pixels either: if they are "
-        "shares of the image's size, say image_size=(width, height) (--image-size "
+        "shares of the image's size, pass image_size=(width, height) (--image-size "
         "WIDTH HEIGHT of the command)",
         stacklevel=3,
     )

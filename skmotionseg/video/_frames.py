@@ -229,7 +229,7 @@ def _read_video(path, n_announced):
         capture.release()
     if n_announced is not None and n_read < n_announced:
         if n_read == 0:
-            raise ValueError(f"not one of the {n_announced} frames of {path} is whole")
+            raise ValueError(f"none of the {n_announced} frames of {path} can be read")
         warnings.warn(
             f"{path} is cut short or damaged: {n_read} of {n_announced} frames could "
             "be read",

@@ -250,7 +250,7 @@ def test_a_batch_of_videos_is_an_error(layout):
 
 
 def test_a_batch_does_not_tell_its_layout():
-    words = r"shape \(1, 3, 4, 2\) .* TAPIR .* CoTracker .* layout=\"frames_first\""
+    words = r"shape \(1, 3, 4, 2\) .* TAPIR.* CoTracker.* layout=\"frames_first\""
     with pytest.raises(ValueError, match=words):
         pack_tracks(np.zeros((1, 3, 4, 2)))
 

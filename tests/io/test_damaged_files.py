@@ -317,11 +317,11 @@ FLAGS, SHAPE = element(6, struct.pack("<II", 6, 0)), element(5, bytes(8))
 NOT_FITTING = {
     "a head cut off": (
         mat(matrix(6, (1, 1), EIGHT, name=b"y"), b"1234"),
-        "it ends within the head of a part",
+        "it ends within the header of a part",
     ),
     "no variable": (mat(EIGHT), "expected a variable; got a part of kind 9"),
     "packed, no variable": (mat(packed(EIGHT)), "a variable; got a part of kind 9"),
-    "packed, four bytes": (mat(packed(b"1234")), "compressed variable has no head"),
+    "packed, four bytes": (mat(packed(b"1234")), "compressed variable has no header"),
     "packed, cut off": (
         mat(packed(matrix(6, (8, 9), element(9, bytes(576)), name=b"y")[:-8])),
         "a variable claims 632 bytes, but there are 624",

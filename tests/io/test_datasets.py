@@ -282,7 +282,7 @@ def test_names_that_do_not_tell_the_layout(tracks, tmp_path):
     points, visibility, X = tracks
     path = tmp_path / "clip.npz"
     np.savez(path, tracks=points.swapaxes(0, 1), visibility=visibility.T)
-    with pytest.raises(ValueError, match=r"'tracks' of shape \(4, 5, 2\).*say layout="):
+    with pytest.raises(ValueError, match=r"'tracks' of shape \(4, 5, 2\).* layout="):
         load_tracks(path)
     assert_array_equal(load_tracks(path, layout="frames_first").data, X)
 
@@ -390,7 +390,7 @@ def test_npy_that_is_something_else(tmp_path):
         load_tracks(path)
     with path.open("wb") as file:
         np.savez(file, X=np.ones((3, 4)))
-    with pytest.raises(ValueError, match="it is an archive: call it"):
+    with pytest.raises(ValueError, match="it is an archive of arrays: rename it"):
         load_tracks(path)
 
 
@@ -398,7 +398,7 @@ SHAPES = {
     (5, 4, 3): "three numbers instead of x and y.*points\\[..., :2\\]",
     (2, 5, 4): "x and y must be the last axis.*moveaxis\\(points, -3, -1\\)",
     (5, 2, 4): "x and y must be the last axis.*moveaxis\\(points, -2, -1\\)",
-    (5, 8): "two columns per frame is packed already",
+    (5, 8): "two columns per frame is already packed",
     (3, 5, 4, 2): "a batch of 3 videos",
 }
 
@@ -461,7 +461,7 @@ def test_csv_of_pandas(tracks, tmp_path, index, names):
 HEADERS = {
     "x0,x1,y0,y1\n1,2,3,4\n": "x and y of the first frame.* got x0, x1, y0, y1",
     "x0,y0,x1\n1,2,3\n": "two columns per frame; got 3 columns",
-    "x0,y0,x1,y1\n": "no tracks under its header",
+    "x0,y0,x1,y1\n": "no tracks below its header",
     "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
 }
 

@@ -331,9 +331,9 @@ BAD_TRACKS = {
     "no frames": (f"0\n1\n{POINT}", "line 1: the number of frames must be .* got 0"),
     "no tracks": ("2\n0\n", "line 2: the number of tracks must be .* got 0"),
     "half a track": (f"2\n1.5\n{POINT}", "line 2: the number of tracks .* got 1.5"),
-    "fewer tracks": (f"2\n2\n{POINT}", "line 6: it ends after 1 of 2 tracks"),
-    "more tracks": (f"2\n1\n{POINT}{POINT}", "line 7: it goes on after the last of 1"),
-    "billions of tracks": (f"2\n1000000000\n{POINT}", "it ends after 1 of 1000000000"),
+    "fewer tracks": (f"2\n2\n{POINT}", "line 6: the file ends after 1 of 2 tracks"),
+    "more tracks": (f"2\n1\n{POINT}{POINT}", "line 7: the file continues after"),
+    "billions of tracks": (f"2\n1000000000\n{POINT}", "ends after 1 of 1000000000"),
     "billions of frames": (f"1000000000\n1\n{POINT}", "1000000000 frames, but only 2"),
     "billions of points": (
         "2\n1\n1\n1000000000\n0 0 0\n",
@@ -345,8 +345,14 @@ BAD_TRACKS = {
     "a frame too late": ("2\n1\n1\n2\n0 0 0\n1 1 2\n", "line 6: .* from 0 to 1; got 2"),
     "a frame too early": ("2\n1\n1\n2\n0 0 -1\n1 1 0\n", "line 5: frames are"),
     "half a frame": ("2\n1\n1\n2\n0 0 0\n1 1 0.5\n", "line 6: frames are"),
-    "a frame twice": ("2\n1\n1\n2\n0 0 1\n1 1 1\n", "line 6: .* rise; got 1 after 1"),
-    "backwards": ("2\n1\n1\n2\n0 0 1\n1 1 0\n", "line 6: .* rise; got 0 after 1"),
+    "a frame twice": (
+        "2\n1\n1\n2\n0 0 1\n1 1 1\n",
+        "line 6: .* ascending order; got 1 after 1",
+    ),
+    "backwards": (
+        "2\n1\n1\n2\n0 0 1\n1 1 0\n",
+        "line 6: .* ascending order; got 0 after 1",
+    ),
     "binary": ("\xff\x00 \x01", "line 1: expected a number"),
 }
 

@@ -93,7 +93,7 @@ def test_families_by_number_of_frames():
     "family, overrides, words",
     [
         ("streets", {}, "family must be one of .*street.*; got 'streets'"),
-        ("street", {"tracks": 3}, "overrides must be of .*; got .*tracks"),
+        ("street", {"tracks": 3}, "overrides must be some of .*; got .*tracks"),
         ("street", {"noise": -1}, "noise must be 0 or more; got -1"),
         (
             "street",

@@ -166,7 +166,7 @@ def test_what_is_in_the_journal_is_not_run_again(sequences, tmp_path, monkeypatc
     ("options", "words"),
     [
         (["--methods", "affine"], "--paper has its own methods"),
-        (["--exponents", "6", "5"], "--exponents must not fall; got 6 5"),
+        (["--exponents", "6", "5"], "--exponents must be in ascending order; got 6 5"),
         (["--datasets", "FBMS59"], "FBMS59"),
     ],
 )

@@ -318,7 +318,7 @@ def bad_sources(tmp_path, frames):
         "cannot be read as a video": cut,
         "has no bytes": tmp_path / "empty.mp4",
         "noise.avi cannot be read": tmp_path / "noise.avi",
-        f"not one of the {N_FRAMES} frames of .*zeros.avi is whole": (
+        f"none of the {N_FRAMES} frames of .*zeros.avi can be read": (
             tmp_path / "zeros.avi"
         ),
         "videos end in .mp4, .avi, .mov, .mkv; got 'notes.txt'": tmp_path / "notes.txt",

@@ -148,8 +148,8 @@ def _drop_batch(
         )
     if layout is None:
         raise ValueError(
-            f"points of shape {points.shape} are of one video, with tracks first (as "
-            "TAPIR has them) or frames first (as CoTracker has them): say "
+            f"points of shape {points.shape} may have tracks first (as from "
+            "TAPIR) or frames first (as from CoTracker): pass "
             'layout="tracks_first" or layout="frames_first"'
         )
     return points[0]
@@ -158,7 +158,7 @@ def _drop_batch(
 def _hint(shape: tuple[int, ...]) -> str:
     """What is likely to be wrong with the shape of points, to end a message with."""
     if len(shape) == 2 and shape[1] % 2 == 0:
-        return ": a matrix of two columns per frame is packed already"
+        return ": a matrix with two columns per frame is already packed"
     if len(shape) not in (3, 4):
         return ""
     if shape[-1] == 3:
@@ -194,8 +194,8 @@ def _as_visibility(
     if kind not in "iuf" or not np.isin(visibility[seen], (0, 1)).all():
         raise ValueError(
             "visibility must be boolean, or numbers that are 0 or 1; "
-            f"got dtype {visibility.dtype} with other values (of probabilities, say "
-            "which are seen, as in visible_above=0.5)"
+            f"got dtype {visibility.dtype} with other values (if these are "
+            "probabilities, pass a threshold, as in visible_above=0.5)"
         )
     return (visibility == 1) & seen
 
