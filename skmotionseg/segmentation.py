@@ -75,11 +75,11 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     clip is long enough, tracks are then reassigned by rigid motion over windows of
     several frames, which finds motions that frame pairs miss.
 
-    A clip of more than 100 frames is taken in windows of 30 frames that overlap by ten.
-    They are segmented each for itself, in parallel, and joined: a motion goes on in the
-    window where most of its tracks do, and one that was out of view gets its number
-    back where it may be expected. If the number of motions is given, it is that of the
-    whole clip; fewer may be in view.
+    A clip of more than 100 frames is segmented in windows of 30 frames that overlap by
+    ten. Windows are segmented independently, in parallel, and then joined: a motion
+    keeps its label as long as most of its tracks continue, and an object that was out
+    of view gets its label back if it reappears where it is expected. If the number of
+    motions is given, it is that of the whole clip; fewer may be in view at a time.
 
     Parameters
     ----------
@@ -139,16 +139,16 @@ estimator, default="description_length"
         follow any motion than to be a mismatch.
     focal_length : float or None, default=None
         Focal length of the camera in pixels, for rigid motions over windows of frames;
-        the principal point is taken to be the middle of what the tracks cover. ``None``
-        means that it is found: of the usual ones, the one that explains the motions of
-        the clip best.
+        the principal point is assumed to be the centre of the area that the tracks
+        cover. ``None`` means that the focal length is estimated: of several common
+        ones, the one that explains the motions of the clip best.
     n_landmarks : int, "auto" or None, default="auto"
-        Number of tracks that are fitted; each other gets the label of the fitted tracks
-        that are nearest in place and displacement. "auto" fits all tracks if there are
-        at most 1,500 (2,250 if most are seen in few of the frames), and otherwise 1,000
-        (1,500), the same number from each of 30 over-segments of the video, so that
-        small motions are represented. ``None`` fits all tracks; memory then grows with
-        the square of their number.
+        Number of tracks that are fitted; each other track gets the label of the fitted
+        tracks that are nearest in position and displacement. "auto" fits all tracks if
+        there are at most 1,500 (2,250 if most are seen in few of the frames), and
+        otherwise 1,000 (1,500), the same number from each of 30 over-segments of the
+        video, so that small motions are represented. ``None`` fits all tracks; memory
+        then grows with the square of their number.
     memory : str, joblib.Memory or None, default=None
         Caches the affinities of each model, so that they are not computed again when
         the same tracks are fitted with another ``n_motions``, ``models``, ``fusion``,
@@ -176,18 +176,18 @@ estimator, default="description_length"
         example, in a single frame), and "isolated" if it shares no preferred hypothesis
         with another track.
     probabilities_ : ndarray of shape (n_tracks,)
-        Confidence of each label, from 0 to 1: the share of a track's affinity to other
-        tracks that goes to tracks of its own motion, averaged over the models, times
-        the probability that this motion is one of its own (``log_odds_``), if the
-        number of motions was not given; 0 for tracks labelled -1. Between two images,
-        it is the probability that a track follows its motion and neither another nor
-        none. How often labels of some confidence are right on benchmarks is among the
-        results in the documentation.
+        Confidence of each label, from 0 to 1: the share of a track's affinities that
+        belongs to tracks of its own motion, averaged over the models. If the number of
+        motions was not given, this is multiplied by the probability that the motion is
+        a separate one (``log_odds_``). Tracks labelled -1 have the value 0. Between two
+        images, it is the probability that a track follows its motion, and neither
+        another motion nor none. The results in the documentation show how often labels
+        of each level of confidence are correct on benchmarks.
     n_motions_ : int
     background_ : int
-        The label of the static scene: the motion whose tracks take most of the margin
-        of the image and span it, however many they are; -1 if no track has a motion.
-        The image is what the tracks cover.
+        The label of the static scene: the motion whose tracks cover most of the border
+        of the image and extend over most of the image, whatever their number; -1 if no
+        track has a motion. The image is assumed to be the area that the tracks cover.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
         Frame pairs to which the motions were finally fitted.
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
@@ -205,7 +205,7 @@ estimator, default="description_length"
     counts_ : ndarray of int, shape (n_counts,)
         The numbers of motions that were tried.
     costs_ : ndarray of shape (n_counts, 3)
-        For each number, two terms, such as the share of the links that go to other
+        For each number, two terms, such as the share of affinities between different
         motions and the nats per track, and their weighted sum. The number with the
         lowest sum is chosen; with ``selection="description_length"``, only if each two
         of its motions gain from being separate.
@@ -240,9 +240,9 @@ estimator, default="description_length"
         which a track was found in its motion), ``n_motions_``, ``stage_seconds_``
         ("windows" and "total"), this and the two that follow, and none of the others.
     window_counts_ : ndarray of int, shape (n_windows,)
-        How many motions each window has found. Some may be out of its view.
+        Number of motions found in each window. Others may be out of view.
     window_confidences_ : ndarray of shape (n_windows,)
-        How probable it is that a window has no fewer motions than it has found.
+        Probability that each window has no fewer motions than were found in it.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
         track is seen.

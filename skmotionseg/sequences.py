@@ -48,8 +48,8 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         ``joblib.parallel_config`` selects, such as a Dask cluster. ``None`` means 1
         unless in a :obj:`joblib.parallel_backend` context. ``-1`` means using all
         processors. See :term:`Glossary <n_jobs>` for more details. For a search on a
-        Dask cluster, ``parallel_config(backend="skmotionseg-dask")`` ends with an error
-        where a task has killed every worker; joblib's "dask" waits for ever.
+        Dask cluster, use ``parallel_config(backend="skmotionseg-dask")``: it raises an
+        error if a task kills every worker, where joblib's "dask" waits forever.
     memory : str, joblib.Memory or None, default=None
         Caches the labels of each sequence and setting, so that a search that was
         interrupted continues when it is run again. Requires an integer ``random_state``

@@ -20,29 +20,29 @@ def add_mask_options(videos):
         "--masks",
         type=Path,
         metavar="DIR",
-        help="folder for a mask per frame, NAME.png, with the palette of DAVIS: 0 the "
-        "static scene, 1, 2, ... what moves",
+        help="folder for a mask per frame, NAME.png, with the palette of DAVIS: 0 for "
+        "the static scene, 1, 2, ... for moving objects",
     )
     videos.add_argument(
         "--static-masks",
         type=Path,
         metavar="DIR",
         help="folder for a mask per frame: 255 where the scene is static, 0 elsewhere;"
-        " named after the image as COLMAP wants it: NAME.jpg.png",
+        " named after the image as COLMAP expects: NAME.jpg.png",
     )
     videos.add_argument(
         "--prompts",
         type=Path,
         metavar="FILE",
-        help="points on and off each moving thing in each frame, for a promptable "
-        "segmenter: .json",
+        help="points inside and outside each moving object in each frame, as prompts "
+        "for a promptable segmentation model: .json",
     )
 
     videos.add_argument(
         "--viewer",
         type=Path,
         metavar="FILE",
-        help="page with the video, its masks and its tracks, for any browser: .html",
+        help="web page with the video, its masks and its tracks: .html",
     )
 
 

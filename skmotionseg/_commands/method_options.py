@@ -37,12 +37,12 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
     "--min-motions": {
         "type": count,
         "metavar": "N",
-        "help": "fewest motions to try with --motions auto (default: 1)",
+        "help": "smallest number of motions to try with --motions auto (default: 1)",
     },
     "--max-motions": {
         "type": count,
         "metavar": "N",
-        "help": "most motions to try with --motions auto (default: 10)",
+        "help": "largest number of motions to try with --motions auto (default: 10)",
     },
     "--models": {
         "type": model_names,
@@ -60,7 +60,7 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
     "--focal-length": {
         "type": positive,
         "metavar": "PIXELS",
-        "help": "focal length of the camera, if it is known (default: it is found)",
+        "help": "focal length of the camera, if it is known (default: estimated)",
     },
     "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
     "--jobs": {
@@ -72,21 +72,21 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
 FILE_OPTIONS: dict[str, dict[str, Any]] = {
     "--layout": {
         "choices": LAYOUTS,
-        "help": "order of the axes in a .npz or .npy file, where its names do not tell "
-        "it",
+        "help": "order of the axes in a .npz or .npy file, if it is not clear from the "
+        "names of the arrays",
     },
     "--visible-above": {
         "type": float,
         "metavar": "P",
-        "help": "where the visibility in a .npz file is a probability: points with a "
-        "larger one count as seen",
+        "help": "if the visibility in a .npz file is a probability: points above this "
+        "threshold count as seen",
     },
     "--image-size": {
         "type": count,
         "nargs": 2,
         "metavar": ("WIDTH", "HEIGHT"),
-        "help": "size of the image, where the coordinates in a .npz, .npy or .csv file "
-        "are shares of it",
+        "help": "size of the image, if the coordinates in a .npz, .npy or .csv file "
+        "were divided by it",
     },
 }
 

@@ -43,7 +43,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--confidence": {
         "action": "store_true",
-        "help": "write with each label how sure it is, from 0 to 1",
+        "help": "with --out: write the confidence of each label, from 0 to 1",
     },
     "--split-dir": {
         "type": Path,
@@ -51,8 +51,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--render": {
         "type": Path,
-        "help": "draw the motions: .png; for videos .mp4, or .png for a sheet of some "
-        "frames",
+        "help": "draw the motions: .png; for videos .mp4, or .png for a contact sheet "
+        "of frames",
     },
     "--report": {
         "type": Path,
@@ -69,7 +69,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--stride": {
         "type": count,
         "default": 1,
-        "help": "read every so many frames (default: 1)",
+        "help": "use only every STRIDE-th frame (default: 1)",
     },
     "--max-frames": {
         "type": count,
@@ -78,13 +78,13 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--resume": {
         "type": Path,
         "metavar": "DIR",
-        "help": "folder that keeps tracks and windows: the same command goes on there "
-        "after an interruption",
+        "help": "folder for tracks and labels of windows: after an interruption, the "
+        "same command continues from there",
     },
     "--max-side": {
         "type": count,
-        "help": "shrink frames with a longer side to so many pixels before tracking "
-        "(default: never)",
+        "help": "before tracking, shrink larger frames to this length of the longer "
+        "side, in pixels (default: never)",
     },
 }
 
@@ -108,10 +108,10 @@ def add_segment(commands):
     videos.add_argument(
         "--live",
         action="store_true",
-        help="segment frame by frame, as for a camera, which is INPUT if that is a "
-        "number; memory does not grow with the video, and Ctrl-C ends it well. Draws "
-        "in a window, where there is a display and an OpenCV that uses it, and to "
-        "--render .mp4, and writes to --out .csv as it goes",
+        help="segment frame by frame, for a camera (INPUT is its number) or a video; "
+        "memory does not grow with the video. Draws in a window, if there is a display "
+        "that OpenCV can use, and to --render .mp4; labels are written to --out .csv "
+        "continuously. Ctrl-C ends it and completes the files",
     )
     videos.add_argument(
         "--no-window", action="store_true", help="with --live: open no window"
