@@ -23,6 +23,7 @@ from ._frames import Progress, Source, first_frames, open_frames
 DEFAULT_FPS = 25.0
 # H.264 and VP9, which browsers play, and MPEG-4 Part 2, which every build can write.
 CODECS = ("avc1", "vp09", "mp4v")
+SILENT = 0  # a log level of OpenCV, which has no name in all versions
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
@@ -257,9 +258,9 @@ def _open_writer(writer, path, fps, size):
     """Open a writer with the first codec that this build of OpenCV can write."""
     cv2 = require("cv2", extra="video")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
-    logging = cv2.utils.logging
+    logging = getattr(cv2.utils, "logging", cv2)  # 4.8 has them in cv2
     level = logging.getLogLevel()
-    logging.setLogLevel(logging.LOG_LEVEL_SILENT)  # a missing codec is no news
+    logging.setLogLevel(SILENT)  # a missing codec is no news
     try:
         for codec in CODECS:
             code = cv2.VideoWriter_fourcc(*codec)

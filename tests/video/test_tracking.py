@@ -467,6 +467,16 @@ def test_points_however_far_outside_are_not_seen(tmp_path):
     np.testing.assert_array_equal(*sheets)
 
 
+def test_log_levels_of_older_opencv(panned, tmp_path, monkeypatch):
+    levels = []
+    monkeypatch.delattr(cv2.utils, "logging", raising=False)
+    monkeypatch.setattr(cv2, "getLogLevel", lambda: 3, raising=False)
+    monkeypatch.setattr(cv2, "setLogLevel", levels.append, raising=False)
+    X = np.zeros((1, 2 * N_FRAMES))
+    render_segmentation(panned, X, [0], tmp_path / "out.mp4", fps=10)
+    assert levels == [0, 3]
+
+
 def test_a_video_that_no_codec_writes(panned, tmp_path, monkeypatch):
     """Time is counted in 16 bits in MPEG-4."""
     monkeypatch.setattr("skmotionseg.video._rendering.CODECS", ("mp4v",))
