@@ -126,3 +126,33 @@ def test_motion_that_one_window_is_unsure_of_is_part_of_another():
     assert_array_equal(
         joined_with([1, 0.99, 1]), np.repeat([0, 1, 2, 1], [10, 10, 5, 5])
     )
+
+
+def test_groups_that_come_at_once_have_a_number_each():
+    first = dict.fromkeys(range(10), 0)
+    second = {t: t // 10 for t in range(30)}
+    assert_array_equal(joined([first, second], 30), np.repeat([0, 1, 2], 10))
+    # Where there may be no more, the second is of none.
+    labels = joined([first, second], 30, most=2)
+    assert_array_equal(labels, np.repeat([0, 1, -1], 10))
+
+
+def test_of_what_was_one_motion_one_group_keeps_its_number():
+    whole, apart = dict.fromkeys(range(30), 0), {t: t // 10 for t in range(30)}
+    labels = joined([whole, apart, apart], 30)
+    assert_array_equal(labels, np.repeat([0, 1, 2], 10))
+
+
+@pytest.mark.parametrize("order", [[1, 2], [2, 1]])
+def test_of_two_groups_that_come_at_once_one_is_what_was_away(order):
+    points = np.zeros((3, 50, 10, 2)) + np.arange(50)[:, None, None] % 10
+    points[:, 10:20] += 400  # what goes away
+    points[:, 30:40] += 400  # where it was
+    points[:, 40:50] *= 40  # all over the picture
+    first = {t: t // 10 for t in range(20)}
+    second = dict.fromkeys(range(10), 0)
+    third = second | dict.fromkeys(range(30, 40), order[0])
+    third |= dict.fromkeys(range(40, 50), order[1])
+    labels = joined([first, second, third], 50, points=points)
+    expected = np.repeat([0, 1, -1, 1, 2], 10)
+    assert_array_equal(labels, expected)

@@ -185,3 +185,11 @@ def test_tracks_outside_of_the_picture_are_at_its_margin():
     points = np.array([[-900.0, 50.0], [4.0, 50.0], [2000.0, 50.0], [50.0, 50.0]])
     shares = _extents(points, np.array([0, 1, 0, 1]), 2, np.array([100.0, 100.0]))
     np.testing.assert_allclose(shares, [0.75, 0.25])
+
+
+def test_what_is_outside_is_at_the_side_where_it_left():
+    """Not at the other one."""
+    points = np.array([[-900.0, -50.0], [99.0, 99.0], [1.0, 1.0], [-20.0, 50.0]])
+    shares = _extents(points, np.array([0, 1, 1, 0]), 2, np.array([100.0, 100.0]))
+    # Of three cells of the margin, one is shared.
+    np.testing.assert_allclose(shares, [1.5 / 3, 1.5 / 3])
