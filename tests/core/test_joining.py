@@ -156,3 +156,13 @@ def test_of_two_groups_that_come_at_once_one_is_what_was_away(order):
     labels = joined([first, second, third], 50, points=points)
     expected = np.repeat([0, 1, -1, 1, 2], 10)
     assert_array_equal(labels, expected)
+
+
+def test_motion_that_a_window_is_unsure_of_stays_if_it_shares_no_tracks():
+    joiner = Joiner(20, None, np.array([640.0, 480.0]))
+    labels, points = np.repeat([0, 1], 10), three_places(20)[0]
+    seen = np.ones((20, 10), dtype=bool)
+    joiner.add(Part(0, 10, np.arange(20)), points, seen, labels, 0.6)
+    found, shares = joiner.labels()
+    assert_array_equal(found, labels)
+    assert_array_equal(shares, 1)

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from skmotionseg._core.partition.scene import (
+    LEAST_TRACKS,
+    TOUCH,
     _extents,
+    _Joints,
+    _reach,
     background_motion,
     moving_objects,
 )
@@ -193,3 +197,24 @@ def test_what_is_outside_is_at_the_side_where_it_left():
     shares = _extents(points, np.array([0, 1, 1, 0]), 2, np.array([100.0, 100.0]))
     # Of three cells of the margin, one is shared.
     np.testing.assert_allclose(shares, [1.5 / 3, 1.5 / 3])
+
+
+def test_a_single_track_touches_nothing():
+    assert _reach(np.zeros((1, 2))) == 0
+    line = np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 0.0]])
+    np.testing.assert_allclose(_reach(line), TOUCH * 3)
+
+
+@pytest.mark.parametrize("n_tracks", [LEAST_TRACKS - 1, 40])
+def test_a_part_carries_places_as_its_tracks_turn(n_tracks):
+    """Or, of few tracks, as most of them go."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0, 100, size=(n_tracks, 2))
+    turn = np.array([[0.0, 0.1], [-0.1, 0.0]])
+    steps = places @ turn + [3.0, 1.0]
+    joints = _Joints(places, np.zeros(n_tracks, dtype=int), steps, steps, None)
+    asked = np.array([[0.0, 0.0], [50.0, 200.0]])
+    expected = asked @ turn + [3.0, 1.0]
+    if n_tracks < LEAST_TRACKS:
+        expected = np.tile(np.median(steps, axis=0), (2, 1))
+    np.testing.assert_allclose(joints._carry(0, asked), expected)

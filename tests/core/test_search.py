@@ -244,3 +244,9 @@ def test_costs_of_rigid_motions_and_which_are_distinct():
     # Where the number is given, nobody asks.
     alone = _rigid_costs(search, RigidPartitions({2: steps[2]}, 2))
     assert alone.distinct is None
+
+
+def test_without_sparsity_all_affinities_are_kept():
+    views = np.random.default_rng(0).uniform(size=(2, 9, 9))
+    assert _sparse_views(views, None) is views
+    assert (_sparse_views(views, 4.0) == 0).any()

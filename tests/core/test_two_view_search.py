@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers.two_images import two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg._core.geometry.two_views import fit_two_view_motions, two_views
-from skmotionseg._core.partition.two_view_energy import settle, two_view_scene
+from skmotionseg._core.partition.two_view_energy import assign, settle, two_view_scene
 from skmotionseg._core.partition.two_view_search import (
     MARGIN,
     MOST_MOTIONS,
@@ -111,3 +113,21 @@ def test_each_motion_is_looked_at_for_another_in_it(begun, monkeypatch):
     assert asked[0][1] is None
     for motion in range(2):
         assert_array_equal(asked[motion + 1][1], labels == motion)
+
+
+def test_motions_that_nothing_follows_are_not_kept(begun):
+    search, _, _, motions = begun
+    away = replace(motions, affine=motions.affine + 100)
+    shares, _ = assign(search.scene, away)
+    assert (shares.argmax(axis=0) == 2).all()
+    search.best = {}
+    assert search.keep(settle(search.scene, motions, np.zeros_like(shares))) is False
+    assert search.best == {}
+    found = settle(search.scene, motions)
+    assert search.keep(found)
+    assert not search.keep(found)  # it is there
+    assert search.best == {2: found}
+    assert not search.take_away(1)
+    assert not search.take_away(7)
+    assert search.take_away(2)  # there was none of one
+    assert set(search.best) == {1, 2}
