@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.windows import two_windows
@@ -77,3 +79,10 @@ def test_tracks_of_a_joint_motion_are_spread_over_the_group():
     some = _spread(many)
     assert (len(some), some[0], some[-1]) == (JOINTLY, many[0], many[-1])
     assert set(np.diff(some)) <= {3, 4}
+
+
+def test_two_groups_without_a_fit_have_no_joint_motion(windows):
+    (first, _), groups = windows
+    nothing = SimpleNamespace(fit=lambda groups, starts=None: [None] * len(groups))
+    found = joint_motions(nothing, 1.0, [(first.fit(groups), groups)])
+    assert found == [(None, np.inf)]

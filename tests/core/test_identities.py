@@ -176,3 +176,10 @@ def test_of_a_motion_that_was_nowhere_nothing_is_expected():
     numbers.forget_all()
     assert (numbers.hidden, numbers.traces, numbers.proven) == (set(), {}, set())
     assert numbers.next == 2  # no number is given twice
+
+
+def test_a_part_that_was_seen_nowhere_is_of_what_it_shares():
+    numbers = Numbers()
+    numbers.see(numbers.new(), at(0, 1.0, 1.0))
+    assert numbers.of(None, SIZE, {0}, most=1, shared=0) == (0, True)
+    assert numbers.of(None, SIZE, {0}, most=1) == (None, False)

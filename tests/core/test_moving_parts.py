@@ -259,3 +259,14 @@ def test_a_part_is_of_another_that_has_more_than_half_of_its_links(n_links, abso
     # Not of one that is hardly larger.
     labels[:4] = -1
     assert_array_equal(_Parts._absorbed(fake, labels, 2), labels)
+
+
+def test_tracks_that_no_window_sees_often_tell_nothing():
+    points = np.random.default_rng(0).uniform(0, 300, size=(40, 12, 2))
+    visibility = np.zeros((40, 12), dtype=bool)
+    visibility[:, [0, 6]] = True
+    points = np.where(visibility[..., None], points, np.nan)
+    assert found(points, visibility) is None
+    scene = fit_static_scene(Windows(points, visibility), SIZE)
+    assert not scene.members.any() and np.isnan(scene.deviations).all()
+    assert_array_equal(relative_noise(points, visibility, np.ones(40, bool)), 1)

@@ -285,3 +285,34 @@ def test_a_candidate_that_has_all_tracks_of_a_motion_gets_its_number():
     # What had it before is of no number, and ends.
     assert [m.number for m in confirming.stream.motions] == [0, -2, 1]
     assert_array_equal(confirming.stream.labels(), np.repeat([0, 0, 1], 10))
+
+
+def test_a_candidate_that_is_what_its_tracks_followed_is_dropped(monkeypatch):
+    confirming = Confirming(before=1)
+    motion, candidate = confirming.stream.motions[1:]
+    monkeypatch.setattr(
+        confirming.stream, "_joint", lambda _, asked: {candidate: ("both", *asked)}
+    )
+    assert confirming.confirm() == ("dropped", [])
+    assert motion.fit == ("both", candidate)  # that explains them, too
+    assert candidate.number == -7
+
+
+def test_frames_that_see_nothing_of_before_are_noted_once():
+    stream = MotionStream(None, np.random.RandomState(0))
+    happened = []
+    for ids in (range(3), range(3), (), range(5, 8), range(9, 12), range(3), range(3)):
+        ids = np.array(ids, dtype=int)
+        _, events = stream.step(np.zeros((len(ids), 2)), ids, None)
+        happened.append([event.kind for event in events])
+    assert happened == [[], [], ["empty"], ["break"], [], ["resumed"], []]
+
+
+def test_few_tracks_are_not_searched_again():
+    stream = MotionStream(None, np.random.RandomState(0))
+    for frame in range(SEARCHED_AGAIN[0]):
+        ids = np.arange(10) + 10 * (frame // 3)  # none is seen often
+        stream.beginning.push(np.zeros((10, 2)), ids)
+    asked = []
+    assert stream._search_again(lambda *tracks: asked.append(tracks)) == []
+    assert not asked

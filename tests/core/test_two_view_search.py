@@ -131,3 +131,11 @@ def test_motions_that_nothing_follows_are_not_kept(begun):
     assert not search.take_away(7)
     assert search.take_away(2)  # there was none of one
     assert set(search.best) == {1, 2}
+
+
+def test_without_a_motion_nothing_is_found(monkeypatch):
+    X, _ = two_images([30])
+    x, y = ((X.reshape(-1, 2, 2) - 300) / 100).swapaxes(0, 1)
+    module = "skmotionseg._core.partition.two_view_search."
+    monkeypatch.setattr(module + "settle", lambda *_: None)
+    assert search_two_views(x, y, np.arange(1, 3), np.random.RandomState(0)) is None
