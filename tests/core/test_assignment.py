@@ -58,7 +58,7 @@ def test_outliers_are_those_of_their_own_motion():
     squares[39, 1] = 25.0
     freedom = np.ones((40, 2))
     columns = np.repeat([0, 1], 20)
-    residuals = Residuals(squares, freedom, squares, 0.1, np.ones(2))
+    residuals = Residuals(squares, freedom, squares, 0.1, np.ones(2), np.ones(40))
     quiet, noisy = residuals.with_noise(columns, np.ones(40, dtype=bool)).noise
     assert quiet == pytest.approx(1 / USUAL_QUARTILE)
     assert noisy == pytest.approx(5 / USUAL_QUARTILE)

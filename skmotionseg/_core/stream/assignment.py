@@ -30,7 +30,7 @@ class Residuals(NamedTuple):
     Attributes
     ----------
     squares, freedom : ndarray of shape (n, M)
-        As of :meth:`Window.squares`.
+        As of :meth:`Window.squares`, over the variances.
     nats : ndarray of shape (n, M)
         Cost of each track by each motion, for all of its residuals.
     scale : float
@@ -38,6 +38,8 @@ class Residuals(NamedTuple):
     noise : ndarray of shape (M,)
         How many times larger the residuals of a motion's own tracks are, at least 1: as
         far as that, something explains them that is not quite rigid.
+    variances : ndarray of shape (n,)
+        Of each track's residuals, over that of one at rest in the image.
     """
 
     squares: np.ndarray
@@ -45,6 +47,7 @@ class Residuals(NamedTuple):
     nats: np.ndarray
     scale: float
     noise: np.ndarray
+    variances: np.ndarray
 
     def deviations(self):
         """Root mean square residuals (n, M), in scales; NaN where unknown."""
@@ -78,7 +81,7 @@ class Residuals(NamedTuple):
         left = np.delete(np.arange(self.nats.shape[1]), column)
         squares, freedom, nats = self.squares, self.freedom, self.nats
         some = squares[:, left], freedom[:, left], nats[:, left]
-        return Residuals(*some, self.scale, self.noise[left])
+        return Residuals(*some, self.scale, self.noise[left], self.variances)
 
 
 def noise_of(deviations):
@@ -92,25 +95,27 @@ def noise_of(deviations):
     return max(1.0, float(np.quantile(deviations, 0.25)) / USUAL_QUARTILE)
 
 
-def measure(window, fits, scale, rows=None, groups=None):
+def measure(window, fits, scale, rows=None, groups=None, relative=True):
     """Residuals of tracks of a window from motions.
 
     With ``groups``, the tracks that each motion was fitted to, what the fits have taken
     from these tracks' residuals is given back. Where a motion is known in some of a
     track's frames only, the others cost the same as these; where in none, the track
-    costs most.
+    costs most. If ``relative``, residuals are of fast tracks as if they were at rest.
     """
     squares, freedom = window.squares(fits, rows)
+    every = slice(None) if rows is None else rows
+    variances = window.variances[every] if relative else np.ones(len(squares))
+    squares = squares / variances[:, None]
     for k, (fit, group) in enumerate(zip(fits, groups or [], strict=False)):
         fitted = group if rows is None else np.isin(rows, group)
         squares[fitted, k] *= window.inflation(group, fit)
-    every = window.freedom if rows is None else window.freedom[rows]
     ratio = np.where(freedom > 0, squares, 0) / (FREEDOM * scale**2)
     nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
     per_residual = np.minimum(nats / np.maximum(freedom, 1), MOST_NATS)
     per_residual = np.where(freedom > 0, per_residual, MOST_NATS)
-    nats = per_residual * every[:, None]
-    return Residuals(squares, freedom, nats, scale, np.ones(len(fits)))
+    nats = per_residual * window.freedom[every][:, None]
+    return Residuals(squares, freedom, nats, scale, np.ones(len(fits)), variances)
 
 
 def neighbour_shares(points, columns, n_motions):

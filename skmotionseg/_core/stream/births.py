@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from scipy.spatial import KDTree
 
@@ -103,14 +105,16 @@ def _of_both(window, scale, pair, some, found):
     if not found:
         return None, np.inf
     own = list(zip(fits, groups, strict=True))
-    deviations = [measure(window, [fit], scale, rows).deviations() for fit, rows in own]
+    # Each track is its own measure here, however fast it is.
+    measured = partial(measure, window, relative=False)
+    deviations = [measured([fit], scale, rows).deviations() for fit, rows in own]
     scale = scale * max(noise_of(each[:, 0]) for each in deviations)
-    costs = measure(window, found, scale, some).nats.sum(axis=0)
+    costs = measured(found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
     both = np.concatenate(groups)
-    saved = measure(window, [best], scale, both, [both]).nats.sum()
+    saved = measured([best], scale, both, [both]).nats.sum()
     for fit, rows in own:
-        saved -= measure(window, [fit], scale, rows, [rows]).nats.sum()
+        saved -= measured([fit], scale, rows, [rows]).nats.sum()
     price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
     return best, float(saved - ALIKE_IN_TIME * price)
 
@@ -140,6 +144,8 @@ def apartness(window, residuals, column, rows=None):
     rows = slice(None) if rows is None else rows
     freedom = np.maximum(residuals.freedom[rows], 1)
     alike = (ALIKE / REFERENCE_WIDTH * _share(window.camera)) ** 2
+    # Each track is its own measure: the least that counts is as relative as the squares.
+    alike = alike / residuals.variances[rows][:, None]
     logs = np.log(residuals.squares[rows] / freedom + alike)
     worse = logs - logs[:, [column]]
     apart = np.full(worse.shape[1], np.inf)
