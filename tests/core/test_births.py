@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from helpers.windows import two_windows
 
+from skmotionseg._core.geometry.camera import Camera
 from skmotionseg._core.stream.assignment import measure
 from skmotionseg._core.stream.births import (
     JOINTLY,
     _spread,
     apartness,
     find_candidate,
+    is_at_infinity,
     joint_motions,
 )
+from skmotionseg._core.stream.window import LENGTH, Window
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +72,29 @@ def test_a_motion_is_apart_from_others_and_not_from_itself(windows):
     assert itself == np.inf
     assert other > 1
     assert same == 0
+
+
+def test_what_is_placed_at_infinity_is_not_explained(windows):
+    """The motion of what moves past a still camera fits the scene, infinitely far."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(-0.4, 0.4, (60, 1, 2))
+    depths = rng.uniform(1, 1.2, 30)
+    frames = np.arange(LENGTH)
+    steps = np.stack([0.02 * frames, 0.1 * np.sin(frames / 4)], axis=1)
+    x = np.repeat(places, LENGTH, axis=1)
+    x[30:] += steps / depths[:, None, None]
+    x += rng.normal(0, 1e-4, x.shape)
+    window = Window(x, np.ones(x.shape[:2], dtype=bool), Camera(np.zeros(2), 1.0, 2e-4))
+    groups = np.arange(30), np.arange(30, 60)
+    fits = window.fit(groups)
+    assert np.median(measure(window, fits, 2e-4).deviations()[:30, 1]) < 2
+    assert is_at_infinity(window, 2e-4, fits[1], groups)
+    ((_, saved),) = joint_motions(window, 2e-4, [(fits[::-1], groups[::-1])])
+    assert saved == np.inf
+    # Halves of a scene that the camera moves through are not.
+    (first, _), (scene, _) = windows
+    (fit,) = first.fit([scene])
+    assert not is_at_infinity(first, 2e-4, fit, (scene[::2], scene[1::2]))
 
 
 def test_tracks_of_a_joint_motion_are_spread_over_the_group():

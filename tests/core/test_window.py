@@ -85,3 +85,26 @@ def test_tracks_that_are_seen_twice_are_not_judged():
     window = Window(np.ones((3, 4, 2)), seen, Camera(np.zeros(2), 1.0, 1e-3))
     assert_array_equal(window.freedom, [0, 3, 5])
     assert (window.x[~seen] == 0).all()
+
+
+def test_residuals_are_over_a_variance_that_grows_with_speed(windows):
+    (first, _), groups = windows
+    points = (
+        np.tile(np.arange(12.0)[:, None], (3, 1, 2))
+        * np.array([0, 3, 4])[:, None, None]
+    )
+    camera = Camera(np.zeros(2), 640.0, 0.15 / 640)
+    seen = np.ones((3, 12), dtype=bool)
+    seen[1, 4:6] = False
+    window = Window(points, seen, camera)
+    speeds = np.sqrt(2) * steps
+    assert_allclose(window.variances, 1 + (0.01 * speeds / 0.15) ** 2)
+    fits = first.fit(groups)
+    rows = groups[1]
+    one, other = (
+        measure(first, fits, 1e-3, rows, relative=is_so) for is_so in (True, False)
+    )
+    variances = first.variances[rows, None]
+    assert variances.max() > 1
+    assert_allclose(one.squares * variances, other.squares)
+    assert_array_equal(other.variances, 1)

@@ -13,12 +13,13 @@ from ..geometry.rigid_motion import FREEDOM
 MOST_NATS = 3.0
 # Neighbours in the picture, and nats that it is worth to go with all of them.
 N_NEIGHBOURS, NATS_OF_NEIGHBOURS = 6, 4.0
+# Steps that differ by less than so many standard deviations of the least noise are
+# alike.
+LEAST_STEP = 4.0
 # Nats that it takes to change a label.
 NATS_TO_CHANGE = 2.0
 # Share of what earlier frames say that is left after each frame.
 REMEMBERED = 0.95
-# Residuals above so many scales are of no inlier.
-OUTLYING = 4.0
 # Tracks that tell the noise of their motion, and the usual lower quartile of deviations
 # of tracks from their motions, in scales.
 FEWEST_TELLING, USUAL_QUARTILE = 8, 0.35
@@ -118,26 +119,58 @@ def measure(window, fits, scale, rows=None, groups=None, relative=True):
     return Residuals(squares, freedom, nats, scale, np.ones(len(fits)), variances)
 
 
-def neighbour_shares(points, columns, n_motions):
-    """Shares (n, M) of each track's neighbours in the picture that have a motion.
+def neighbour_shares(points, steps, columns, n_motions, noise):
+    """Shares (n, M) of each track's neighbours that have a motion.
+
+    Neighbours are near in place and go the same way.
 
     Parameters
     ----------
     points : ndarray of shape (n, 2)
+        Newest places, pixels.
+    steps : ndarray of shape (n, 2)
+        From the frame before; NaN for tracks that it does not see, whose neighbours are
+        near in place only.
     columns : ndarray of int, shape (n,)
         Motion of each; negative ones have no vote.
     n_motions : int
+    noise : float
+        Least standard deviation of places, pixels.
+
+    Returns
+    -------
+    ndarray of shape (n, M)
     """
+    going = np.isfinite(steps).all(axis=1)
+    unit = max(_spread(steps[going]), LEAST_STEP * noise)
+    both = np.hstack(
+        [points / _spread(points), np.where(going[:, None], steps, 0) / unit]
+    )
     shares = np.zeros((len(points), n_motions))
-    voters = np.flatnonzero(columns >= 0)
-    if len(voters) < 2:
+    known = columns >= 0
+    shares[going] = _votes(both, going, known & going, columns, n_motions)
+    shares[~going] = _votes(both[:, :2], ~going, known, columns, n_motions)
+    return shares
+
+
+def _spread(values):
+    """The median distance of coordinates from their centre; 1 if there is none."""
+    spread = np.median(np.abs(values - np.median(values, axis=0))) if len(values) else 0
+    return spread or 1.0
+
+
+def _votes(space, rows, voters, columns, n_motions):
+    """Shares (n_rows, M) of the voters nearest to some rows that have a motion."""
+    rows, voters = np.flatnonzero(rows), np.flatnonzero(voters)
+    shares = np.zeros((len(rows), n_motions))
+    if len(voters) < 2 or len(rows) == 0:
         return shares
     k = min(N_NEIGHBOURS + 1, len(voters))
-    _, near = KDTree(points[voters]).query(points, k)
-    near = voters[near.reshape(len(points), k)]
-    votes = near != np.arange(len(points))[:, None]
+    _, near = KDTree(space[voters]).query(space[rows], k)
+    near = voters[near.reshape(len(rows), k)]
+    votes = near != rows[:, None]
     for place in range(k):
-        shares[np.arange(len(points)), columns[near[:, place]]] += votes[:, place]
+        shares[np.arange(len(rows)), columns[near[:, place]]] += votes[:, place]
     return shares / np.maximum(votes.sum(axis=1, keepdims=True), 1)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ..geometry.camera import REFERENCE_WIDTH
+from ..partition.infinity import infinitely_far
 from .assignment import measure, noise_of
 
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.
@@ -24,6 +25,9 @@ JOINTLY = 20
 ALIKE_IN_TIME = 2.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
+# How clearly a motion has to place one of two groups at infinity, and one not, above
+# which it does not explain both.
+FAR = 1.0
 
 
 def find_candidate(window, residuals, chosen, points, seen_now, rng):
@@ -79,7 +83,8 @@ def joint_motions(window, scale, pairs):
         What can be refined from either to some tracks of both; if two motions are
         better, also what is fitted from the start. And nats by which two motions
         describe the tracks of both groups in fewer words, the numbers of the second
-        motion included; infinite if there is no fit.
+        motion included; infinite if there is no fit, or one with one of the groups at
+        infinity.
     """
     some = [
         np.sort(np.concatenate([_spread(rows) for rows in groups]))
@@ -111,6 +116,8 @@ def _of_both(window, scale, pair, some, found):
     scale = scale * max(noise_of(each[:, 0]) for each in deviations)
     costs = measured(found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
+    if is_at_infinity(window, scale, best, groups):
+        return best, np.inf
     both = np.concatenate(groups)
     saved = measured([best], scale, both, [both]).nats.sum()
     for fit, rows in own:
@@ -144,7 +151,7 @@ def apartness(window, residuals, column, rows=None):
     rows = slice(None) if rows is None else rows
     freedom = np.maximum(residuals.freedom[rows], 1)
     alike = (ALIKE / REFERENCE_WIDTH * _share(window.camera)) ** 2
-    # Each track is its own measure: the least that counts is as relative as the squares.
+    # Squares are over variances, and so is the least of them that counts.
     alike = alike / residuals.variances[rows][:, None]
     logs = np.log(residuals.squares[rows] / freedom + alike)
     worse = logs - logs[:, [column]]
@@ -153,6 +160,29 @@ def apartness(window, residuals, column, rows=None):
         if other != column:
             apart[other] = np.nanmedian(worse[:, other])
     return apart
+
+
+def is_at_infinity(window, scale, fit, groups):
+    """Whether a motion explains two groups only with one of them at infinity.
+
+    What stands still before a camera that only turns follows any motion, as if it were
+    infinitely far.
+
+    Parameters
+    ----------
+    window : Window
+    scale : float
+    fit : Fit
+    groups : pair of ndarray of int
+
+    Returns
+    -------
+    bool
+    """
+    placed = [window.inverse_depths(fit, rows) for rows in groups]
+    depths = [depth[:, None] for depth, _ in placed]
+    errors = [scale * error[:, None] for _, error in placed]
+    return infinitely_far(depths, errors) > FAR
 
 
 def _share(camera):

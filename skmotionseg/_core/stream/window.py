@@ -14,6 +14,7 @@ from ..geometry.rigid_motion import (
     refine_rigid_motions,
     squared_residuals,
 )
+from ..geometry.rigid_motion import inverse_depths as track_depths
 from ..geometry.windows import FEWEST_SEEN, NOISE_PER_MOTION
 
 # Frames that are looked at: those in which a usual track lives on, and depth shows.
@@ -191,6 +192,24 @@ class Window:
             squares[place] = squared_residuals(x, seen[known], poses).T
             freedom[place] = (2 * times[known] - 3)[:, None]
         return squares, freedom
+
+    def inverse_depths(self, fit, rows):
+        """Inverse depths of some tracks by a motion.
+
+        Returns
+        -------
+        depths, errors : ndarray of shape (n,)
+            In units of its own, and their standard deviations where that of a residual
+            is 1; NaN where a track is seen too little.
+        """
+        found = np.full((2, len(rows)), np.nan)
+        seen = self.seen[rows] & fit.valid
+        known = seen.sum(axis=1) >= FEWEST_SEEN
+        if known.any():
+            x = np.where(seen[known, :, None], self.x[rows[known]], 0)
+            depths = track_depths(x, seen[known], _stack([fit.poses]))
+            found[:, known] = np.concatenate(depths)
+        return tuple(found)
 
     def inflation(self, rows, fit):
         """How many times larger squared residuals are than those of a fit to tracks.
