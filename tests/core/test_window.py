@@ -89,10 +89,8 @@ def test_tracks_that_are_seen_twice_are_not_judged():
 
 def test_residuals_are_over_a_variance_that_grows_with_speed(windows):
     (first, _), groups = windows
-    points = (
-        np.tile(np.arange(12.0)[:, None], (3, 1, 2))
-        * np.array([0, 3, 4])[:, None, None]
-    )
+    steps = np.array([0.0, 3.0, 4.0])
+    points = np.arange(12)[:, None] * steps[:, None, None] * [1.0, 1.0]
     camera = Camera(np.zeros(2), 640.0, 0.15 / 640)
     seen = np.ones((3, 12), dtype=bool)
     seen[1, 4:6] = False
