@@ -10,6 +10,7 @@ from .assignment import assign, measure, neighbour_shares, remembered
 from .births import (
     LEAST_FREEDOM,
     apartness,
+    are_mixed,
     find_candidate,
     is_at_infinity,
     joint_motions,
@@ -485,9 +486,16 @@ class MotionStream:
         found = joint_motions(window, self.scale, list(pairs.values()))
         return {
             motion: fit
-            for motion, (fit, saved) in zip(pairs, found, strict=True)
-            if saved <= 0
+            for motion, (fit, saved, worse) in zip(pairs, found, strict=True)
+            if saved <= 0 or (worse < ALIKE and self._are_mixed(pairs[motion][1]))
         }
+
+    def _are_mixed(self, groups):
+        """Whether two groups are in one place of the newest frame."""
+        now = self.buffer.seen[:, -1]
+        names = np.cumsum(now) - 1
+        seen = [names[rows[now[rows]]] for rows in groups]
+        return are_mixed(self.buffer.points[now, -1], seen)
 
     def _confirm(self, motion, window, events):
         """Give a candidate a number; "dropped" if there are as many as may be.
