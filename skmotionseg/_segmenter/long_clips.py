@@ -156,7 +156,8 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         if out:
             joiner.leave_out(part, labels)
         else:
-            joiner.add(part, *clip.window(part), labels, sure)
+            points, seen = clip.window(part)
+            joiner.add(part, points, seen, labels, sure)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     counts = np.array([len(np.unique(own[own >= 0])) for own, _ in found])
