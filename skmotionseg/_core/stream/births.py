@@ -129,7 +129,9 @@ def _of_both(window, scale, pair, some, found):
         alone = measured([fit], scale, rows, [rows])
         saved -= alone.nats.sum()
         jointly = _log_squares(window, measured([best], scale, rows))
-        worse.append(np.nanmedian(jointly - _log_squares(window, alone)))
+        ratios = jointly - _log_squares(window, alone)
+        known = ratios[np.isfinite(ratios)]
+        worse.append(np.median(known) if len(known) else np.inf)
     price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
     return best, float(saved - ALIKE_IN_TIME * price), float(max(worse))
 
