@@ -132,6 +132,23 @@ def test_motions_that_the_last_frames_do_not_tell_apart_do_not_begin(movie):
     assert (labels == movie.things[ids]).mean() > 0.97
 
 
+def test_what_is_new_is_compared_with_what_lives_as_the_search_has_it(
+    movie, monkeypatch
+):
+    """And not with what lived before, which may be a motion of both."""
+    renewed, whole = [], MotionStream._renew_one
+
+    def renew_one(self, window, group, fit, number, events):
+        renewed.append(int(number))
+        return whole(self, window, group, fit, number, events)
+
+    monkeypatch.setattr(MotionStream, "_renew_one", renew_one)
+    first_new = told(movie, lambda *known: 1 - without_the_thing(*known))
+    _, _, _, happened = play(movie, first_new)
+    assert renewed == [0, -1, 1, 0]
+    assert ("new", SEARCHED_AGAIN[0] - 1) in happened
+
+
 def test_a_search_gives_no_more_numbers_than_motions(movie):
     labels, _, stream, _ = play(movie, told(movie, without_the_thing), n_motions=1)
     assert labels.max() == 0
