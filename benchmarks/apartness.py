@@ -6,9 +6,10 @@ their tracks, outliers aside, are (mostly) of different motions; one if they are
 same motion, or one of them is of outliers. A logistic regression on how much worse one
 rigid motion explains both than two do, the log of the links between them over those
 that chance would give, and how clearly one motion has to place one of them at
-infinity, gives the constants of ``skmotionseg._core.partition.rigid_search``. Many
-pairs are compared in a clip, and one that is taken for two by chance makes the number
-wrong; so the prior is not that of the regression, but lets one in 300 such pairs pass.
+infinity, or behind the camera, gives the constants of
+``skmotionseg._core.partition.rigid_search``. Many pairs are compared in a clip, and one
+that is taken for two by chance makes the number wrong; so the prior is not that of the
+regression, but lets one in 300 such pairs pass.
 All are divided by what makes the coefficient of the links that of today, because the
 search weighs log odds against nats. With ``--data DIR``, the same for pairs of real
 sequences, with the coefficients of the simulated ones, for comparison::
@@ -49,9 +50,9 @@ def pairs_of(X, target):
 
     Returns
     -------
-    list of (float, float, float, int)
-        Gain, log of links over chance, how clearly one is at infinity, and 1 if the
-        two are apart.
+    list of (float, float, float, float, int)
+        Gain, log of links over chance, how clearly one is at infinity, how clearly one
+        is behind the camera, and 1 if the two are apart.
     """
 
     def descend(found, over_segments, *_):
@@ -73,7 +74,7 @@ def pairs_of(X, target):
             if truth is not None:
                 gain = min(found.gain, rigid_search.MOST_GAIN)
                 links = np.log(found.links + rigid_search.FEWEST_LINKS)
-                rows.append((gain, links, found.far, truth))
+                rows.append((gain, links, found.far, found.behind, truth))
     return rows
 
 
@@ -138,8 +139,10 @@ def main():
                 )
                 rows += pairs_of(*beginning(scene.data, scene.target))
     coefficients, prior = regression(rows)
-    gain, links, far = coefficients
-    print(f"gain {gain:.2f}, links {links:.2f}, far {far:.2f}, prior {prior:.2f}")
+    names = "gain", "links", "far", "behind"
+    for name, value in zip(names, coefficients, strict=True):
+        print(f"{name} {value:.2f}", end=", ")
+    print(f"prior {prior:.2f}")
     print_errors("simulated scenes", rows, coefficients, prior)
     if arguments.data is not None:
         sequences = datasets.load_kt3dmoseg(arguments.data / "KT3DMoSeg")

@@ -3,7 +3,8 @@
     python -m benchmarks.imports [--repeats 9]
 
 Each repeat is a process of its own, which imports what this package uses of
-scikit-learn, SciPy and joblib, and then the package.
+scikit-learn, SciPy and joblib, and then the package. Times are of the processor, so
+that what else runs on the machine hardly matters.
 """
 
 from __future__ import annotations
@@ -16,17 +17,17 @@ import numpy as np
 
 TIMED = """
 import time
-started = time.perf_counter()
+started = time.process_time()
 import joblib, sklearn.base, sklearn.pipeline, sklearn.utils, threadpoolctl
 import scipy.linalg, scipy.optimize, scipy.spatial, scipy.special
-before = time.perf_counter()
+before = time.process_time()
 import skmotionseg
-print(before - started, time.perf_counter() - before)
+print(before - started, time.process_time() - before)
 """
 
 
 def import_seconds(repeats):
-    """Seconds of the libraries and of the package, (repeats, 2); one more warms up."""
+    """CPU seconds of libraries and package, (repeats, 2); one more warms up."""
     command = [sys.executable, "-c", TIMED]
     printed = [
         subprocess.run(command, capture_output=True, text=True, check=True).stdout

@@ -33,12 +33,12 @@ class OnlineMotionSegmenter(BaseEstimator):
     pose in a new frame is found by resection from the depths of its tracks, and
     adjusted together with those of the eleven frames before. Tracks follow the motion
     that explains them best, in these frames and, less and less, in earlier ones;
-    neighbours in the picture have a say where that is open. Tracks that no motion
-    explains make a new one, if it explains several of them much better than a motion
-    that is there could, and still does so five frames later. What a joint motion
-    explains again and again, until it has been a motion of its own for long enough, is
-    joined. The focal length and one coefficient of lens distortion are estimated at the
-    start, and again in every sixth frame.
+    neighbours in the picture that go the same way have a say where that is open. Tracks
+    that no motion explains make a new one, if it explains several of them much better
+    than a motion that is there could, and still does so five frames later. What a joint
+    motion explains again and again, until it has been a motion of its own for long
+    enough, is joined. The focal length and one coefficient of lens distortion are
+    estimated at the start, and again in every sixth frame.
 
     Ten frames do not show all motions: after 15, 22 and 33 frames, all frames so far
     are segmented again. That adds motions and places tracks, and ends no motion. These
@@ -76,10 +76,11 @@ class OnlineMotionSegmenter(BaseEstimator):
         Of the same tracks, as they were given.
     label_reasons_ : ndarray of str, shape (n_seen,)
         Reason for each of these labels: "assigned"; or, for -1, "outlier" if the motion
-        of the track does not explain it, "no motions yet" before motions are found,
-        "candidate" if the track belongs to what will be a new motion or be dropped
-        within ten frames, and had no label before, and "too short" if the track is seen
-        in too few of the last frames to judge, and has no neighbours.
+        of the track does not explain it and its neighbours go elsewhere, "no motions
+        yet" before motions are found, "candidate" if the track belongs to what will be
+        a new motion or be dropped within ten frames, and had no label before, and "too
+        short" if the track is seen in too few of the last frames to judge, and has no
+        neighbours.
     n_motions_ : int
         Motions in view.
     motions_ : ndarray of int, shape (n_motions,)

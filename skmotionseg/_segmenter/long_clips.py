@@ -10,7 +10,7 @@ from sklearn.utils import gen_batches
 
 from .._core.geometry.tracks import non_empty_frames, pack_tracks, unpack_tracks
 from .._core.labels import canonical_labels
-from .._core.stream.joining import Joiner, parts_of
+from .._core.stream.joining import Joiner, left_out, parts_of
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.validation import as_memory
@@ -151,13 +151,16 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         done=report and (lambda done: report(done, len(parts))),
     )
     joiner = Joiner(clip.n_tracks, most, clip.extent)
-    for part, (labels, surely) in zip(parts, found, strict=True):
-        points, seen = clip.window(part)
-        joiner.add(part, points, seen, labels, surely)
+    surely = np.array([each for _, each in found])
+    for part, (labels, sure), out in zip(parts, found, left_out(surely), strict=True):
+        if out:
+            joiner.leave_out(part, labels)
+        else:
+            points, seen = clip.window(part)
+            joiner.add(part, points, seen, labels, sure)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     counts = np.array([len(np.unique(own[own >= 0])) for own, _ in found])
-    surely = np.array([each for _, each in found])
     return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
 
 

@@ -23,11 +23,27 @@ def test_neighbours_vote_but_not_for_themselves():
     points = np.concatenate([np.arange(8), 100 + np.arange(8)])[:, None] * [1.0, 1.0]
     columns = np.repeat([0, 1], 8)
     columns[0] = -1
-    shares = neighbour_shares(points, columns, 2)
+    shares = neighbour_shares(points, np.zeros((16, 2)), columns, 2, 0.2)
     assert_array_equal(shares.argmax(axis=1), np.repeat([0, 1], 8))
     assert_allclose(shares.sum(axis=1), 1)
-    alone = neighbour_shares(points[:2], np.array([-1, 0]), 2)
+    alone = neighbour_shares(points[:2], np.zeros((2, 2)), np.array([-1, 0]), 2, 0.2)
     assert_array_equal(alone, np.zeros((2, 2)))
+
+
+def test_neighbours_go_the_same_way_where_that_is_known():
+    points = np.random.default_rng(0).uniform(0, 100, (60, 2))
+    columns = np.arange(60) % 2
+    steps = np.where(columns == 1, 9.0, 0.0)[:, None] * [1.0, 0.5]
+    steps[50:] = np.nan
+    shares = neighbour_shares(points, steps, columns, 2, 0.2)
+    assert_array_equal(shares[:50].argmax(axis=1), columns[:50])
+    assert shares[:50].max(axis=1).min() > 0.8
+    by_place = neighbour_shares(points, np.full((60, 2), np.nan), columns, 2, 0.2)
+    assert_allclose(shares[50:], by_place[50:])
+    # Steps that differ by less than tells anything are all the same.
+    small = neighbour_shares(points, steps / 1e6, columns, 2, 0.2)[:50]
+    alike = neighbour_shares(points, np.where(steps > 0, 0, steps), columns, 2, 0.2)
+    assert_allclose(small, alike[:50])
 
 
 def test_labels_change_only_for_enough_nats():
@@ -58,7 +74,7 @@ def test_outliers_are_those_of_their_own_motion():
     squares[39, 1] = 25.0
     freedom = np.ones((40, 2))
     columns = np.repeat([0, 1], 20)
-    residuals = Residuals(squares, freedom, squares, 0.1, np.ones(2))
+    residuals = Residuals(squares, freedom, squares, 0.1, np.ones(2), np.ones(40))
     quiet, noisy = residuals.with_noise(columns, np.ones(40, dtype=bool)).noise
     assert quiet == pytest.approx(1 / USUAL_QUARTILE)
     assert noisy == pytest.approx(5 / USUAL_QUARTILE)

@@ -92,3 +92,11 @@ def test_the_taker_of_a_motion_has_most_tracks_that_it_had():
     assert buffer.taker(0) == -1
     pushed(buffer, range(20, 30))  # they are remembered for as long as they are here
     assert buffer.taker(1) == 3
+
+
+def test_a_buffer_begins_empty():
+    buffer = TrackBuffer(3)
+    assert buffer.memory.shape == (0, 0)
+    assert buffer.points.shape == (0, 3, 2)
+    buffer.add_motion()
+    assert buffer.memory.shape == (0, 1)

@@ -12,6 +12,7 @@ from numpy.testing import assert_array_equal
 from skmotionseg._core.stream.assignment import measure
 from skmotionseg._core.stream.following import (
     are_doubtful,
+    are_outliers,
     can_be_told,
     columns_of,
     fitted_groups,
@@ -32,6 +33,19 @@ def buffer_of(labels, doubtful=(), outlying=()):
         doubtful=np.isin(np.arange(n), doubtful),
         outlying=np.isin(np.arange(n), outlying),
     )
+
+
+def test_outliers_are_far_from_their_motion_and_unlike_their_neighbours():
+    rng = np.random.default_rng(0)
+    steps = np.arange(12)[:, None] * [2.0, 0.0]
+    points = rng.uniform(0, 300, (80, 1, 2)) + steps
+    points += rng.normal(0, 0.1, points.shape)
+    points[0] += np.arange(12)[:, None] * [0.0, 9.0]
+    buffer = SimpleNamespace(points=points, seen=np.ones((80, 12), dtype=bool))
+    deviations = np.where(np.arange(80) < 10, 9.0, 1.0)
+    deviations[[10, 11]] = np.nan, 2.9
+    assert np.flatnonzero(are_outliers(buffer, deviations)).tolist() == [0]
+    assert not are_outliers(buffer, np.ones(80)).any()
 
 
 def test_outliers_are_in_no_group():

@@ -150,3 +150,36 @@ def test_groups_go_on_with_what_most_of_their_tracks_had():
     assert going_on(np.array([[40, 0], [12, 0]]), [0, 4]) == {0: 0}
     assert going_on(np.zeros((0, 2), dtype=int), [0, 4]) == {}
     assert going_on(np.zeros((2, 0), dtype=int), []) == {}
+
+
+def test_where_all_are_given_and_none_is_likely_it_is_the_likeliest():
+    numbers = Numbers()
+    for number, x in enumerate((0.0, 10.0, 600.0)):
+        numbers.see(numbers.new(), at(0, x, 10.0, 1.0))
+        if number:
+            numbers.hide(number)
+    first = at(3, 640.0, 480.0, 300.0)
+    nats = {n: numbers.traces[n].evidence(first, SIZE) for n in (1, 2)}
+    assert nats[1] < nats[2] < 0
+    assert numbers.of(first, SIZE, {0}, most=3) == (2, True)
+    assert numbers.hidden == {1}
+
+
+def test_of_a_motion_that_was_nowhere_nothing_is_expected():
+    numbers = Numbers()
+    numbers.see(numbers.new(), None)
+    numbers.hide(0)
+    assert numbers.hidden == set() and numbers.traces == {}
+    numbers.see(numbers.new(), at(0, 1.0, 1.0))
+    numbers.hide(1)
+    numbers.proven.add(1)
+    numbers.forget_all()
+    assert (numbers.hidden, numbers.traces, numbers.proven) == (set(), {}, set())
+    assert numbers.next == 2  # no number is given twice
+
+
+def test_a_part_that_was_seen_nowhere_is_of_what_it_shares():
+    numbers = Numbers()
+    numbers.see(numbers.new(), at(0, 1.0, 1.0))
+    assert numbers.of(None, SIZE, {0}, most=1, shared=0) == (0, True)
+    assert numbers.of(None, SIZE, {0}, most=1) == (None, False)

@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from skmotionseg._core.stream.joining import OVERLAP, WINDOW, Joiner, Part, parts_of
+from skmotionseg._core.stream.joining import (
+    OVERLAP,
+    WINDOW,
+    Joiner,
+    Part,
+    left_out,
+    parts_of,
+)
 
 
 @pytest.mark.parametrize("n_frames", [1, 29, 30, 31, 50, 51, 104, 2000])
@@ -126,3 +133,67 @@ def test_motion_that_one_window_is_unsure_of_is_part_of_another():
     assert_array_equal(
         joined_with([1, 0.99, 1]), np.repeat([0, 1, 2, 1], [10, 10, 5, 5])
     )
+
+
+def test_groups_that_come_at_once_have_a_number_each():
+    first = dict.fromkeys(range(10), 0)
+    second = {t: t // 10 for t in range(30)}
+    assert_array_equal(joined([first, second], 30), np.repeat([0, 1, 2], 10))
+    # Where there may be no more, the second is of none.
+    labels = joined([first, second], 30, most=2)
+    assert_array_equal(labels, np.repeat([0, 1, -1], 10))
+
+
+def test_of_what_was_one_motion_one_group_keeps_its_number():
+    whole, apart = dict.fromkeys(range(30), 0), {t: t // 10 for t in range(30)}
+    labels = joined([whole, apart, apart], 30)
+    assert_array_equal(labels, np.repeat([0, 1, 2], 10))
+
+
+@pytest.mark.parametrize("order", [[1, 2], [2, 1]])
+def test_of_two_groups_that_come_at_once_one_is_what_was_away(order):
+    points = np.zeros((3, 50, 10, 2)) + np.arange(50)[:, None, None] % 10
+    points[:, 10:20] += 400  # what goes away
+    points[:, 30:40] += 400  # where it was
+    points[:, 40:50] *= 40  # all over the picture
+    first = {t: t // 10 for t in range(20)}
+    second = dict.fromkeys(range(10), 0)
+    third = second | dict.fromkeys(range(30, 40), order[0])
+    third |= dict.fromkeys(range(40, 50), order[1])
+    labels = joined([first, second, third], 50, points=points)
+    expected = np.repeat([0, 1, -1, 1, 2], 10)
+    assert_array_equal(labels, expected)
+
+
+def test_motion_that_a_window_is_unsure_of_stays_if_it_shares_no_tracks():
+    joiner = Joiner(20, None, np.array([640.0, 480.0]))
+    labels, points = np.repeat([0, 1], 10), three_places(20)[0]
+    seen = np.ones((20, 10), dtype=bool)
+    joiner.add(Part(0, 10, np.arange(20)), points, seen, labels, 0.6)
+    found, shares = joiner.labels()
+    assert_array_equal(found, labels)
+    assert_array_equal(shares, 1)
+
+
+def test_unsure_windows_between_sure_ones_are_left_out():
+    found = left_out([0.5, 1, 0.5, 1, 0.9, 0.9, 1, 0.5])
+    assert np.flatnonzero(found).tolist() == [2]
+    assert not left_out([0.5]).any()
+    assert not left_out([0.5, 0.5]).any()
+
+
+@pytest.mark.parametrize(("most", "last"), [(None, 2), (2, -1)])
+def test_window_that_takes_two_things_for_one_changes_no_numbers(most, last):
+    """Two of three windows see two things; tracks of the other one only are placed."""
+    points = three_places(40)[0]
+    tracks, seen = np.arange(36), np.ones((36, 10), dtype=bool)
+    whole = np.repeat([0, 1, -1], [10, 10, 16])
+    wrong = np.repeat([1, 0, 0, 2, -1], [10, 10, 5, 6, 5])  # with 11 other tracks
+    joiner = Joiner(36, most, np.array([640.0, 480.0]))
+    joiner.add(Part(0, 10, tracks), points[:36], seen, whole)
+    joiner.leave_out(Part(10, 20, tracks), wrong)
+    joiner.add(Part(20, 30, tracks), points[:36], seen, whole)
+    labels, shares = joiner.labels()
+    assert_array_equal(labels, np.repeat([0, 1, last, -1], [10, 15, 6, 5]))
+    assert_array_equal(shares[:25], 1)
+    assert_array_equal(joiner.labels()[0], labels)

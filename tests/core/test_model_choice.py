@@ -59,3 +59,15 @@ def test_pairs_that_see_seven_are_not_asked_for_a_model(n_seen):
     found = choose_model(clip_geometry(points, visibility), np.arange(20))
     assert len(found.residuals) == (20 if n_seen == 8 else 19)
     assert np.isfinite(found.residuals).all()
+
+
+def test_pairs_that_see_too_few_tracks_choose_no_model():
+    X, _ = make_rigid_motions(30, 6, 1, missing=0, random_state=0)
+    geometry = clip_geometry(*unpack_tracks(X))
+    few = choose_model(geometry, np.arange(7))
+    assert (few.model, few.lengths, few.residuals.shape) == (None, {}, (0,))
+    assert choose_model(geometry, np.arange(8)).model is not None
+    x, y, seen = noisy_pairs()
+    seen &= seen.cumsum(axis=1) <= 7
+    for name in ("affine", "homography", "fundamental"):
+        assert np.isinf(robust_errors(name, x, y, seen)).all()

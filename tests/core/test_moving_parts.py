@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.rooms import BOX, N_FRAMES, SIZE, clip
+from numpy.testing import assert_array_equal
 
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
@@ -244,3 +247,26 @@ def test_steps_are_of_depths_to_those_around():
     np.testing.assert_allclose(steps, np.array([10, 10, 40]) - free)
     level = view._replace(depths=np.ones(3))
     assert (parts._steps_around(np.arange(3), 0, level) == 0).all()
+
+
+@pytest.mark.parametrize("n_links, absorbed", [(3, True), (2, False), (1, False)])
+def test_a_part_is_of_another_that_has_more_than_half_of_its_links(n_links, absorbed):
+    labels = np.repeat([0, 1, -1], [12, 2, 4])
+    pairs = [[k, 12] for k in range(n_links)] + [[12, 14], [13, 15], [12, 13]]
+    fake = SimpleNamespace(_pairs=np.array(pairs))
+    found = _Parts._absorbed(fake, labels, 2)
+    assert_array_equal(found, np.where(labels < 0, -1, 0) if absorbed else labels)
+    # Not of one that is hardly larger.
+    labels[:4] = -1
+    assert_array_equal(_Parts._absorbed(fake, labels, 2), labels)
+
+
+def test_tracks_that_no_window_sees_often_tell_nothing():
+    points = np.random.default_rng(0).uniform(0, 300, size=(40, 12, 2))
+    visibility = np.zeros((40, 12), dtype=bool)
+    visibility[:, [0, 6]] = True
+    points = np.where(visibility[..., None], points, np.nan)
+    assert found(points, visibility) is None
+    scene = fit_static_scene(Windows(points, visibility), SIZE)
+    assert not scene.members.any() and np.isnan(scene.deviations).all()
+    assert_array_equal(relative_noise(points, visibility, np.ones(40, bool)), 1)

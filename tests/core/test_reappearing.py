@@ -78,3 +78,15 @@ def test_where_the_scene_is_not_seen_nothing_is_expected():
     visibility[np.ix_(kind == 0, range(ends - 2, ends + 8))] = False
     points[~visibility] = np.nan
     np.testing.assert_array_equal(reappeared(points, visibility, kind), [0, 1, 2])
+
+
+@pytest.mark.parametrize("kind_seen_now_and_then", [1, 2])
+def test_without_a_movement_nothing_is_expected(kind_seen_now_and_then):
+    points, visibility, kind = clip((4.0, 0.0))
+    visibility = visibility.copy()
+    for frame in range(N_FRAMES):  # no two frames that are a step apart
+        if frame % 6 in (1, 2, 3) and kind_seen_now_and_then == 1:
+            visibility[kind == 1, frame] = False
+        if frame % 6 in (1, 2, 3) and kind_seen_now_and_then == 2:
+            visibility[kind == 2, frame] = False
+    np.testing.assert_array_equal(reappeared(points, visibility, kind), [0, 1, 2])

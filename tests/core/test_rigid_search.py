@@ -11,6 +11,7 @@ from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
+    BEHIND_WEIGHT,
     RigidSearch,
     _n_apart,
     calibrated_paths,
@@ -109,6 +110,29 @@ def test_what_moves_before_a_still_camera_is_apart():
     assert found.gain < 0.5
     assert found.far > 0.5
     assert found.log_odds > 0
+
+
+def before_a_camera_that_drives(rng, n_tracks=120, n_frames=8):
+    """What stands still, and something that drives away faster, straight ahead."""
+    y = (np.arange(n_tracks) < n_tracks // 4).astype(int)
+    depth = np.where(y == 1, rng.uniform(2, 2.5, n_tracks), rng.uniform(3, 9, n_tracks))
+    way = 0.2 * np.arange(n_frames) * np.where(y == 1, 1, -1)[:, None]
+    middle = np.where(y == 1, 0.15, 0.5)[:, None] * rng.uniform(-1, 1, (n_tracks, 2))
+    points = middle[:, None] * (depth[:, None] / (depth[:, None] + way))[..., None]
+    points = 640 * points + 320 + 0.1 * rng.standard_normal(points.shape)
+    visibility = np.ones((n_tracks, n_frames), dtype=bool)
+    return points, visibility, np.where(y[:, None] == y, 1.0, 0.02), y
+
+
+def test_what_drives_away_from_a_moving_camera_is_apart():
+    """One rigid motion explains both: one of them in front, the other behind."""
+    scene = before_a_camera_that_drives(np.random.RandomState(7))
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    _, found = done(search, search.least_apart(y, done(search, search.motions(y))))
+    assert found.gain < 0.5
+    assert found.behind > 0.5
+    assert found.log_odds > 0 > found.log_odds - BEHIND_WEIGHT
 
 
 def test_the_focal_length_is_looked_at_again_in_larger_groups():

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from skmotionseg._core.partition.scene import (
+    LEAST_TRACKS,
+    TOUCH,
     _extents,
+    _Joints,
+    _reach,
     background_motion,
     moving_objects,
 )
@@ -185,3 +189,32 @@ def test_tracks_outside_of_the_picture_are_at_its_margin():
     points = np.array([[-900.0, 50.0], [4.0, 50.0], [2000.0, 50.0], [50.0, 50.0]])
     shares = _extents(points, np.array([0, 1, 0, 1]), 2, np.array([100.0, 100.0]))
     np.testing.assert_allclose(shares, [0.75, 0.25])
+
+
+def test_what_is_outside_is_at_the_side_where_it_left():
+    """Not at the other one."""
+    points = np.array([[-900.0, -50.0], [99.0, 99.0], [1.0, 1.0], [-20.0, 50.0]])
+    shares = _extents(points, np.array([0, 1, 1, 0]), 2, np.array([100.0, 100.0]))
+    # Of three cells of the margin, one is shared.
+    np.testing.assert_allclose(shares, [1.5 / 3, 1.5 / 3])
+
+
+def test_a_single_track_touches_nothing():
+    assert _reach(np.zeros((1, 2))) == 0
+    line = np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 0.0]])
+    np.testing.assert_allclose(_reach(line), TOUCH * 3)
+
+
+@pytest.mark.parametrize("n_tracks", [LEAST_TRACKS - 1, 40])
+def test_a_part_carries_places_as_its_tracks_turn(n_tracks):
+    """Or, of few tracks, as most of them go."""
+    rng = np.random.default_rng(0)
+    places = rng.uniform(0, 100, size=(n_tracks, 2))
+    turn = np.array([[0.0, 0.1], [-0.1, 0.0]])
+    steps = places @ turn + [3.0, 1.0]
+    joints = _Joints(places, np.zeros(n_tracks, dtype=int), steps, steps, None)
+    asked = np.array([[0.0, 0.0], [50.0, 200.0]])
+    expected = asked @ turn + [3.0, 1.0]
+    if n_tracks < LEAST_TRACKS:
+        expected = np.tile(np.median(steps, axis=0), (2, 1))
+    np.testing.assert_allclose(joints._carry(0, asked), expected)

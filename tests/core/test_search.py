@@ -2,18 +2,36 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from helpers.two_images import two_images
+from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.graph.clustering import cluster_graph
+from skmotionseg._core.graph.cuts import own_shares
 from skmotionseg._core.graph.fusion import kernel_addition
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.cost import Cost, Judge
-from skmotionseg._core.partition.rigid_search import Step
-from skmotionseg._core.partition.search import _choose, _Clip, _distinct, _refine
+from skmotionseg._core.partition.rigid_search import (
+    NATS_OF_LINKS,
+    RigidPartitions,
+    Step,
+)
+from skmotionseg._core.partition.search import (
+    _by_frame_pairs,
+    _choose,
+    _Clip,
+    _cluster,
+    _distinct,
+    _refine,
+    _rigid_costs,
+    _sparse_views,
+    search_partitions,
+)
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -86,3 +104,149 @@ def test_of_two_similar_motions_the_smaller_may_be_a_part(larger, smaller):
     expected[smaller] = 0.8
     assert_allclose(_distinct(step), expected)
     assert_allclose(_distinct(Step(0.0, np.zeros(5, dtype=int), [])), [1])
+
+
+def torn_scene():
+    """A clip whose background is torn in two, and its labels."""
+    _, y, (points, visibility) = scene_with(0)
+    clip = _Clip(points, visibility, linked(y)[None], (4.0,))
+    x = np.nanmean(points[..., 0], axis=1)
+    half = (y == 0) & (x > np.median(x[y == 0]))
+    return clip, y, canonical_labels(np.where(half, 3, y))
+
+
+def test_refinement_merges_what_does_not_gain_from_being_apart(monkeypatch):
+    clip, y, torn = torn_scene()
+
+    def in_one(graph, count):
+        return np.zeros(graph.n_samples, dtype=int)
+
+    assert torn.max() == 3
+    end = _refine(torn, clip, np.arange(1, 5), in_one)
+    assert misclassification_error(y, end) < 0.05
+    assert end.max() == 2
+    # No fewer than must be.
+    assert _refine(torn, clip, np.array([4]), in_one).max() == 3
+    # What gains stays apart, though one motion would cost less.
+    monkeypatch.setattr(clip.judge, "each_gains", lambda labels: True)
+    by_number = {k: Cost(0, 0, float(k)) for k in range(4)}
+    monkeypatch.setattr(clip.judge, "cost", lambda labels: by_number[labels.max()])
+    assert _refine(torn, clip, np.arange(1, 5), in_one).max() == 3
+
+
+@pytest.mark.parametrize("changes", [False, True])
+def test_what_is_known_of_a_partition_is_not_said_of_another(monkeypatch, changes):
+    first, other = np.array([0, 0, 1, 1]), np.array([0, 1, 1, 1])
+    best = {2: (Cost(0, 1, 1), first)}
+    module = "skmotionseg._core.partition.search."
+    monkeypatch.setattr(module + "_best_by_count", lambda *_: dict(best))
+    monkeypatch.setattr(module + "_choose", lambda *_: (2, {2: (0, 1)}))
+    refined = other if changes else first.copy()
+    monkeypatch.setattr(module + "_refine", lambda *_: refined)
+    clip = SimpleNamespace(judge=SimpleNamespace(cost=lambda _: Cost(0, 0.5, 0.5)))
+    found = _by_frame_pairs(clip, np.arange(1, 3), None)
+    assert found.chosen == 2
+    assert found.gainless == ({} if changes else {2: (0, 1)})
+    assert found.best[2][0].total == (0.5 if changes else 1)
+    assert_array_equal(found.best[2][1], refined)
+
+
+def test_tracks_that_a_graph_leaves_alone_have_the_label_of_their_nearest():
+    affinity = np.full((7, 7), 0.1)
+    affinity[5, 2:4] = affinity[6, :2] = 1  # the last two
+    first = np.array([1, 1, 0, 0, 0, -1, -1])
+    labels = _cluster(None, 2, affinity, lambda graph, count: first.copy())
+    assert_array_equal(labels, [1, 1, 0, 0, 0, 0, 1])
+
+
+def alone_in(n_tracks, alone, y):
+    """Two views in which some tracks have no affinity to another."""
+    rng = np.random.default_rng(0)
+    views = np.stack([linked(y), linked(y, 0.6, 0.1)]) * rng.uniform(
+        0.5, 1, (2, n_tracks, n_tracks)
+    )
+    views = (views + views.swapaxes(1, 2)) / 2
+    views[:, alone], views[:, :, alone] = 0, 0
+    views[:, alone, alone] = 1  # but to themselves
+    return views
+
+
+def by_kernels(graph, n_clusters):
+    state = np.random.RandomState(0)
+    return cluster_graph(graph, n_clusters, kernel_addition, 20, state)
+
+
+def test_tracks_without_affinity_to_another_have_no_label():
+    """Too few tracks for rigid motion: frame pairs are asked."""
+    X, y = make_rigid_motions(36, 6, random_state=0)
+    alone = np.array([0, 17, 35])
+    views = alone_in(36, alone, y)
+    found = search_partitions(
+        *unpack_tracks(X), views, np.arange(1, 4), (2.0, 4.0), by_kernels
+    )
+    assert found.labels.shape == (len(found.counts), 36)
+    others = np.setdiff1d(np.arange(36), alone)
+    assert (found.labels[:, alone] == -1).all()
+    assert (found.labels[:, others] >= 0).all()
+    assert (found.shares[alone] == 0).all()
+    # The shares are those in the sparsest graph.
+    small = views[:, others[:, None], others]
+    expected = own_shares(_sparse_views(small, 4.0), found.labels[found.best, others])
+    assert_allclose(found.shares[others], expected)
+    assert not np.allclose(
+        expected,
+        own_shares(_sparse_views(small, 2.0), found.labels[found.best, others]),
+    )
+    # Nor do they change what is found in the others.
+    points, visibility = (each[others] for each in unpack_tracks(X))
+    without = search_partitions(
+        points, visibility, small, np.arange(1, 4), (2.0, 4.0), by_kernels
+    )
+    assert_array_equal(without.labels, found.labels[:, others])
+    assert_allclose(without.costs, found.costs)
+
+
+def test_tracks_of_two_images_without_affinity_have_no_label():
+    X, y = two_images([30, 25], 15)
+    alone = np.array([3, 69])
+    views = alone_in(70, alone, np.maximum(y, 0))
+    points, seen = X.reshape(-1, 2, 2), np.ones((70, 2), dtype=bool)
+    found = search_partitions(points, seen, views, np.arange(1, 4), (2.0,), None)
+    others = np.setdiff1d(np.arange(70), alone)
+    assert (found.labels[:, alone] == -1).all()
+    assert (found.labels[:, others] >= 0).all()
+    assert (found.shares[alone] == 0).all() and (found.shares[others] > 0).all()
+    assert not found.outliers[alone].any()
+    labels = np.where(found.outliers, -1, found.labels[found.best])
+    assert misclassification_error(y[others], labels[others]) < 0.1
+
+
+def test_costs_of_rigid_motions_and_which_are_distinct():
+    labels = np.repeat([0, 1, 2], [7, 3, 2])
+    steps = {
+        1: Step(0.0, np.zeros(12, dtype=int), ["a"]),
+        2: Step(0.0, np.minimum(labels, 1), ["a", "b"], (0, 1), np.log(3)),
+        3: Step(0.0, labels, ["a", "b", "c"], (1, 2), -np.log(4)),
+    }
+    terms = {1: (0.0, 5.0), 2: (0.1, 2.0), 3: (0.25, 1.5)}
+    search = SimpleNamespace(
+        windows="windows", terms=lambda labels, motions: terms[len(motions)]
+    )
+    found = _rigid_costs(search, RigidPartitions(steps, 2))
+    for count, (cut, nats) in terms.items():
+        cost, own = found.best[count]
+        assert cost == (cut, nats, NATS_OF_LINKS * cut + nats)
+        assert own is steps[count].labels
+    assert found.log_odds == {2: np.log(3), 3: -np.log(4)}
+    assert found.gainless == {3: (1, 2)}  # the number that was passed over
+    assert found.rigid == ("windows", ["a", "b"])
+    assert_allclose(found.distinct, [1, 0.75])
+    # Where the number is given, nobody asks.
+    alone = _rigid_costs(search, RigidPartitions({2: steps[2]}, 2))
+    assert alone.distinct is None
+
+
+def test_without_sparsity_all_affinities_are_kept():
+    views = np.random.default_rng(0).uniform(size=(2, 9, 9))
+    assert _sparse_views(views, None) is views
+    assert (_sparse_views(views, 4.0) == 0).any()

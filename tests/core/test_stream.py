@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers.films import SIZE, film
@@ -46,9 +48,11 @@ def test_motions_that_are_told_go_on():
     partition = told(movie)
     for frame in range(movie.n_frames):
         points, ids = movie.frame(frame)
-        labels, _ = stream.step(points, ids, partition)
+        labels, events = stream.step(points, ids, partition)
         if frame < FIRST_FRAMES - 1:
             assert (labels == -1).all()
+        if frame == FIRST_FRAMES - 1:
+            assert list(map(str, events)) == [f"frame {frame}: motions 0, 1"]
     assert (labels == movie.things[ids]).mean() > 0.97
     ids, labels = stream.result()
     assert (np.diff(ids) > 0).all()
@@ -126,6 +130,23 @@ def test_motions_that_the_last_frames_do_not_tell_apart_do_not_begin(movie):
     labels, ids, _, happened = play(movie, told(movie, in_two))
     assert happened == [("start", FIRST_FRAMES - 1)]
     assert (labels == movie.things[ids]).mean() > 0.97
+
+
+def test_what_is_new_is_compared_with_what_lives_as_the_search_has_it(
+    movie, monkeypatch
+):
+    """And not with what lived before, which may be a motion of both."""
+    renewed, whole = [], MotionStream._renew_one
+
+    def renew_one(self, window, group, fit, number, events):
+        renewed.append(int(number))
+        return whole(self, window, group, fit, number, events)
+
+    monkeypatch.setattr(MotionStream, "_renew_one", renew_one)
+    first_new = told(movie, lambda *known: 1 - without_the_thing(*known))
+    _, _, _, happened = play(movie, first_new)
+    assert renewed == [0, -1, 1, 0]
+    assert ("new", SEARCHED_AGAIN[0] - 1) in happened
 
 
 def test_a_search_gives_no_more_numbers_than_motions(movie):
@@ -227,3 +248,88 @@ def test_a_stream_sees_through_its_lens():
     assert happened == [("start", FIRST_FRAMES - 1)]
     assert (labels == movie.things[ids]).mean() > 0.97
     assert abs(stream.camera.bend + 0.06) < 0.02
+
+
+class Confirming:
+    """A stream of two motions, and of a candidate that is to get a number."""
+
+    def __init__(self, before, n_motions=None):
+        self.stream = MotionStream(n_motions, np.random.RandomState(0))
+        self.stream.frame, self.stream.size = 5, SIZE
+        self.stream.motions = [
+            LivingMotion(number, None, 0, age=30) for number in (0, 1, -7)
+        ]
+        self.candidate = self.stream.motions[-1]
+        self.candidate.apart = 8
+        for _ in range(2):
+            self.stream.numbers.new()
+        buffer = self.stream.buffer
+        rng = np.random.default_rng(0)
+        buffer.push(rng.uniform(0, 100, size=(30, 2)), np.arange(30))
+        buffer.follow(np.repeat([0, 1 if before != 1 else 0, before], 10))
+        labels = buffer.labels.copy()
+        labels[20:] = -7
+        buffer.follow(labels)
+
+    def confirm(self):
+        """What is decided, and what has happened."""
+        window = SimpleNamespace(freedom=np.full(30, 9), fit=lambda *_: [])
+        events = []
+        decision = self.stream._confirm(self.candidate, window, events)
+        return decision, [(event.kind, event.words) for event in events]
+
+
+def test_a_candidate_gets_a_new_number():
+    confirming = Confirming(before=-1)
+    assert confirming.confirm() == (None, [("new", "motion 2 is new")])
+    candidate = confirming.candidate
+    assert (candidate.number, candidate.apart, candidate.source) == (2, 0, -1)
+    assert_array_equal(confirming.stream.labels(), np.repeat([0, 1, 2], 10))
+
+
+def test_a_candidate_is_dropped_where_there_are_as_many_as_may_be():
+    confirming = Confirming(before=-1, n_motions=2)
+    assert confirming.confirm() == ("dropped", [])
+    assert confirming.candidate.number == -7
+    assert_array_equal(confirming.stream.labels(), np.repeat([0, 1, -1], 10))
+
+
+def test_a_candidate_that_has_all_tracks_of_a_motion_gets_its_number():
+    confirming = Confirming(before=1)
+    confirming.stream.motions[1].unseen = 1
+    assert confirming.confirm() == (None, [("again", "motion 1 is seen again")])
+    assert (confirming.candidate.number, confirming.candidate.source) == (1, 1)
+    # What had it before is of no number, and ends.
+    assert [m.number for m in confirming.stream.motions] == [0, -2, 1]
+    assert_array_equal(confirming.stream.labels(), np.repeat([0, 0, 1], 10))
+
+
+def test_a_candidate_that_is_what_its_tracks_followed_is_dropped(monkeypatch):
+    confirming = Confirming(before=1)
+    motion, candidate = confirming.stream.motions[1:]
+    monkeypatch.setattr(
+        confirming.stream, "_joint", lambda _, asked: {candidate: ("both", *asked)}
+    )
+    assert confirming.confirm() == ("dropped", [])
+    assert motion.fit == ("both", candidate)  # that explains them, too
+    assert candidate.number == -7
+
+
+def test_frames_that_see_nothing_of_before_are_noted_once():
+    stream = MotionStream(None, np.random.RandomState(0))
+    happened = []
+    for ids in (range(3), range(3), (), range(5, 8), range(9, 12), range(3), range(3)):
+        ids = np.array(ids, dtype=int)
+        _, events = stream.step(np.zeros((len(ids), 2)), ids, None)
+        happened.append([event.kind for event in events])
+    assert happened == [[], [], ["empty"], ["break"], [], ["resumed"], []]
+
+
+def test_few_tracks_are_not_searched_again():
+    stream = MotionStream(None, np.random.RandomState(0))
+    for frame in range(SEARCHED_AGAIN[0]):
+        ids = np.arange(10) + 10 * (frame // 3)  # none is seen often
+        stream.beginning.push(np.zeros((10, 2)), ids)
+    asked = []
+    assert stream._search_again(lambda *tracks: asked.append(tracks)) == []
+    assert not asked

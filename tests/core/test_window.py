@@ -85,3 +85,24 @@ def test_tracks_that_are_seen_twice_are_not_judged():
     window = Window(np.ones((3, 4, 2)), seen, Camera(np.zeros(2), 1.0, 1e-3))
     assert_array_equal(window.freedom, [0, 3, 5])
     assert (window.x[~seen] == 0).all()
+
+
+def test_residuals_are_over_a_variance_that_grows_with_speed(windows):
+    (first, _), groups = windows
+    steps = np.array([0.0, 3.0, 4.0])
+    points = np.arange(12)[:, None] * steps[:, None, None] * [1.0, 1.0]
+    camera = Camera(np.zeros(2), 640.0, 0.15 / 640)
+    seen = np.ones((3, 12), dtype=bool)
+    seen[1, 4:6] = False
+    window = Window(points, seen, camera)
+    speeds = np.sqrt(2) * steps
+    assert_allclose(window.variances, 1 + (0.01 * speeds / 0.15) ** 2)
+    fits = first.fit(groups)
+    rows = groups[1]
+    one, other = (
+        measure(first, fits, 1e-3, rows, relative=is_so) for is_so in (True, False)
+    )
+    variances = first.variances[rows, None]
+    assert variances.max() > 1
+    assert_allclose(one.squares * variances, other.squares)
+    assert_array_equal(other.variances, 1)

@@ -15,6 +15,7 @@ from benchmarks import (
     growth,
     imports,
     measuring,
+    online_bench,
     peers,
     plain,
     reliability,
@@ -411,3 +412,15 @@ def test_sensitivity_needs_data_or_a_record(capsys, tmp_path):
     with pytest.raises(SystemExit):
         sensitivity.main(["--data", str(tmp_path)])
     assert "none of KT3DMoSeg" in capsys.readouterr().err
+
+
+def test_streams_are_measured_beside_whole_clips(monkeypatch, capsys):
+    X, y = make_rigid_motions(n_tracks=60, n_frames=11, random_state=0)
+    clip = Bunch(name="clip", data=X, target=y)
+    monkeypatch.setitem(online_bench.LOADERS, "MTPV62", lambda folder: [clip])
+    online_bench.main(["--data", "here", "--datasets", "MTPV62", "--seeds", "0"])
+    of_clip, stream, whole = capsys.readouterr().out.splitlines()
+    errors = of_clip.split()[1:]
+    assert stream == f"MTPV62: stream {errors[0]} (by seed {errors[0]})"
+    assert whole == f"MTPV62: whole clip {errors[1]} (by seed {errors[1]})"
+    assert max(map(float, errors)) < 20

@@ -120,9 +120,6 @@ class Neighbours:
     def __init__(self, points, visibility):
         self._scaling = _scaling(points, visibility)
         self._channels = _scaled(points, visibility, self._scaling)
-        squared = _squared_distances(self._channels, self._channels)
-        np.fill_diagonal(squared, np.inf)
-        self._usual, _ = _kth(squared)
 
     def remoteness(self, points, visibility):
         """How much farther tracks are from their neighbours than these are from theirs.
@@ -146,8 +143,16 @@ class Neighbours:
         squared = _squared_distances(channels, self._channels)
         squared[squared < LEAST_DISTANCE] = np.inf
         distance, neighbour = _kth(squared)
-        usual = np.maximum(self._usual[neighbour], LEAST_DISTANCE)
+        near, which = np.unique(neighbour, return_inverse=True)
+        usual = np.maximum(self._usual(near)[which], LEAST_DISTANCE)
         return np.where(np.isfinite(distance), np.sqrt(distance / usual), np.inf)
+
+    def _usual(self, tracks):
+        """Squared distances (m,) of some of the tracks from their neighbours."""
+        some = [tuple(each[tracks] for each in channel) for channel in self._channels]
+        squared = _squared_distances(some, self._channels)
+        squared[np.arange(len(tracks)), tracks] = np.inf
+        return _kth(squared)[0]
 
 
 def _kth(squared):

@@ -25,7 +25,7 @@ from ..geometry.windows import (
     best_focal_length,
 )
 from ..labels import groups_of, indicator
-from .infinity import infinitely_far
+from .joint_depths import behind, infinitely_far
 from .local_search import split
 from .side_by_side import run, side_by_side
 
@@ -44,10 +44,10 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions: the log of how much worse one motion
 # is than two, per track of the smaller group; the log of the links between them over
 # those that chance would give; and how clearly one motion has to place one of them at
-# infinity. By a logistic regression on pairs of groups in simulated scenes
-# (``python -m benchmarks.apartness``), with a prior by which one in 300 of the pairs
-# that are one motion is taken for two.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, PRIOR = 1.65, 1.85, 5.0, -7.0
+# infinity, or behind the camera. By a logistic regression on pairs of groups in
+# simulated scenes (``python -m benchmarks.apartness``), with a prior by which one in
+# 300 of the pairs that are one motion is taken for two.
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 1.65, 1.85, 5.0, 5.0, -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
 # Log odds by one of two motions below which no joint motion is fitted.
@@ -88,6 +88,8 @@ class Apartness(NamedTuple):
     far : float
         How clearly the joint motion places one of them at infinity, and one not (see
         :func:`infinitely_far`).
+    behind : float
+        The same for one behind the camera (see :func:`behind`).
     """
 
     log_odds: float
@@ -95,6 +97,7 @@ class Apartness(NamedTuple):
     gain: float
     links: float
     far: float
+    behind: float
 
 
 def _log_odds(apartness):
@@ -447,8 +450,8 @@ class RigidSearch:
     def _by_own_motions(self, pair):
         """The :class:`Apartness` of two groups if one of their motions is the joint.
 
-        Whether it has to place one at infinity is left open: this is to tell whom to
-        compare, and is asked of all pairs.
+        Where it places them is left open: this is to tell whom to compare, and is asked
+        of all pairs.
         """
         key = pair.key
         if key not in self._apart_by_own:
@@ -484,21 +487,25 @@ class RigidSearch:
         """The :class:`Apartness` of two groups for the best of some joint motions."""
         gain, joint = self._gain(pair.groups, pair.motions, joints)
         links = self._links(*pair.groups)
-        far = self._infinitely_far(pair, joint) if told else 0.0
+        far = hidden = 0.0
+        if told:
+            placed = self._placed(pair, joint)
+            far, hidden = infinitely_far(*placed), behind(*placed)
         log_odds = (
             GAIN_WEIGHT * min(gain, MOST_GAIN)
             - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
             + FAR_WEIGHT * far
+            + BEHIND_WEIGHT * hidden
             + PRIOR
         )
-        return Apartness(float(log_odds), joint, float(gain), links, far)
+        return Apartness(float(log_odds), joint, float(gain), links, far, hidden)
 
-    def _infinitely_far(self, pair, joint):
-        """How clearly a joint motion has to place one group at infinity."""
+    def _placed(self, pair, joint):
+        """Inverse depths of the inliers of two groups by a joint motion, and errors."""
         inliers = map(self._explained, pair.groups, pair.motions)
         placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
         depths, errors = zip(*placed, strict=True)
-        return infinitely_far(depths, [error * self.scale for error in errors])
+        return depths, [error * self.scale for error in errors]
 
     def _explained(self, group, motion):
         """The tracks of a group that its motion explains."""

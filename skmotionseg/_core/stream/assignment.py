@@ -13,12 +13,13 @@ from ..geometry.rigid_motion import FREEDOM
 MOST_NATS = 3.0
 # Neighbours in the picture, and nats that it is worth to go with all of them.
 N_NEIGHBOURS, NATS_OF_NEIGHBOURS = 6, 4.0
+# Steps that differ by less than so many standard deviations of the least noise are
+# alike.
+LEAST_STEP = 4.0
 # Nats that it takes to change a label.
 NATS_TO_CHANGE = 2.0
 # Share of what earlier frames say that is left after each frame.
 REMEMBERED = 0.95
-# Residuals above so many scales are of no inlier.
-OUTLYING = 4.0
 # Tracks that tell the noise of their motion, and the usual lower quartile of deviations
 # of tracks from their motions, in scales.
 FEWEST_TELLING, USUAL_QUARTILE = 8, 0.35
@@ -30,7 +31,7 @@ class Residuals(NamedTuple):
     Attributes
     ----------
     squares, freedom : ndarray of shape (n, M)
-        As of :meth:`Window.squares`.
+        As of :meth:`Window.squares`, over the variances.
     nats : ndarray of shape (n, M)
         Cost of each track by each motion, for all of its residuals.
     scale : float
@@ -38,6 +39,8 @@ class Residuals(NamedTuple):
     noise : ndarray of shape (M,)
         How many times larger the residuals of a motion's own tracks are, at least 1: as
         far as that, something explains them that is not quite rigid.
+    variances : ndarray of shape (n,)
+        Of each track's residuals, over that of one at rest in the image.
     """
 
     squares: np.ndarray
@@ -45,6 +48,7 @@ class Residuals(NamedTuple):
     nats: np.ndarray
     scale: float
     noise: np.ndarray
+    variances: np.ndarray
 
     def deviations(self):
         """Root mean square residuals (n, M), in scales; NaN where unknown."""
@@ -78,7 +82,7 @@ class Residuals(NamedTuple):
         left = np.delete(np.arange(self.nats.shape[1]), column)
         squares, freedom, nats = self.squares, self.freedom, self.nats
         some = squares[:, left], freedom[:, left], nats[:, left]
-        return Residuals(*some, self.scale, self.noise[left])
+        return Residuals(*some, self.scale, self.noise[left], self.variances)
 
 
 def noise_of(deviations):
@@ -92,47 +96,81 @@ def noise_of(deviations):
     return max(1.0, float(np.quantile(deviations, 0.25)) / USUAL_QUARTILE)
 
 
-def measure(window, fits, scale, rows=None, groups=None):
+def measure(window, fits, scale, rows=None, groups=None, relative=True):
     """Residuals of tracks of a window from motions.
 
     With ``groups``, the tracks that each motion was fitted to, what the fits have taken
     from these tracks' residuals is given back. Where a motion is known in some of a
     track's frames only, the others cost the same as these; where in none, the track
-    costs most.
+    costs most. If ``relative``, residuals are of fast tracks as if they were at rest.
     """
     squares, freedom = window.squares(fits, rows)
+    every = slice(None) if rows is None else rows
+    variances = window.variances[every] if relative else np.ones(len(squares))
+    squares = squares / variances[:, None]
     for k, (fit, group) in enumerate(zip(fits, groups or [], strict=False)):
         fitted = group if rows is None else np.isin(rows, group)
         squares[fitted, k] *= window.inflation(group, fit)
-    every = window.freedom if rows is None else window.freedom[rows]
     ratio = np.where(freedom > 0, squares, 0) / (FREEDOM * scale**2)
     nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
     per_residual = np.minimum(nats / np.maximum(freedom, 1), MOST_NATS)
     per_residual = np.where(freedom > 0, per_residual, MOST_NATS)
-    nats = per_residual * every[:, None]
-    return Residuals(squares, freedom, nats, scale, np.ones(len(fits)))
+    nats = per_residual * window.freedom[every][:, None]
+    return Residuals(squares, freedom, nats, scale, np.ones(len(fits)), variances)
 
 
-def neighbour_shares(points, columns, n_motions):
-    """Shares (n, M) of each track's neighbours in the picture that have a motion.
+def neighbour_shares(points, steps, columns, n_motions, noise):
+    """Shares (n, M) of each track's neighbours that have a motion.
+
+    Neighbours are near in place and go the same way.
 
     Parameters
     ----------
     points : ndarray of shape (n, 2)
+        Newest places, pixels.
+    steps : ndarray of shape (n, 2)
+        From the frame before; NaN for tracks that it does not see, whose neighbours are
+        near in place only.
     columns : ndarray of int, shape (n,)
         Motion of each; negative ones have no vote.
     n_motions : int
+    noise : float
+        Least standard deviation of places, pixels.
+
+    Returns
+    -------
+    ndarray of shape (n, M)
     """
+    going = np.isfinite(steps).all(axis=1)
+    unit = max(_spread(steps[going]), LEAST_STEP * noise)
+    both = np.hstack(
+        [points / _spread(points), np.where(going[:, None], steps, 0) / unit]
+    )
     shares = np.zeros((len(points), n_motions))
-    voters = np.flatnonzero(columns >= 0)
-    if len(voters) < 2:
+    known = columns >= 0
+    shares[going] = _votes(both, going, known & going, columns, n_motions)
+    shares[~going] = _votes(both[:, :2], ~going, known, columns, n_motions)
+    return shares
+
+
+def _spread(values):
+    """The median distance of coordinates from their centre; 1 if there is none."""
+    spread = np.median(np.abs(values - np.median(values, axis=0))) if len(values) else 0
+    return spread or 1.0
+
+
+def _votes(space, rows, voters, columns, n_motions):
+    """Shares (n_rows, M) of the voters nearest to some rows that have a motion."""
+    rows, voters = np.flatnonzero(rows), np.flatnonzero(voters)
+    shares = np.zeros((len(rows), n_motions))
+    if len(voters) < 2 or len(rows) == 0:
         return shares
     k = min(N_NEIGHBOURS + 1, len(voters))
-    _, near = KDTree(points[voters]).query(points, k)
-    near = voters[near.reshape(len(points), k)]
-    votes = near != np.arange(len(points))[:, None]
+    _, near = KDTree(space[voters]).query(space[rows], k)
+    near = voters[near.reshape(len(rows), k)]
+    votes = near != rows[:, None]
     for place in range(k):
-        shares[np.arange(len(points)), columns[near[:, place]]] += votes[:, place]
+        shares[np.arange(len(rows)), columns[near[:, place]]] += votes[:, place]
     return shares / np.maximum(votes.sum(axis=1, keepdims=True), 1)
 
 

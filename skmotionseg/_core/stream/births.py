@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from scipy.spatial import KDTree
 
 from ..geometry.camera import REFERENCE_WIDTH
+from ..partition.joint_depths import infinitely_far
 from .assignment import measure, noise_of
 
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.
@@ -22,6 +25,12 @@ JOINTLY = 20
 ALIKE_IN_TIME = 2.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
+# How clearly a motion has to place one of two groups at infinity, and one not, above
+# which it does not explain both.
+FAR = 0.7
+# Neighbours in the picture, and links between two groups over those that chance would
+# give above which they are in one place.
+N_NEIGHBOURS, MIXED = 6, 0.5
 
 
 def find_candidate(window, residuals, chosen, points, seen_now, rng):
@@ -73,11 +82,14 @@ def joint_motions(window, scale, pairs):
 
     Returns
     -------
-    list of (Fit or None, float)
+    list of (Fit or None, float, float)
         What can be refined from either to some tracks of both; if two motions are
         better, also what is fitted from the start. And nats by which two motions
         describe the tracks of both groups in fewer words, the numbers of the second
-        motion included; infinite if there is no fit.
+        motion included. And how much worse the joint motion explains the tracks of
+        one group, or of the other: the larger median of the logarithm of the ratio of
+        squared deviations. Both are infinite if there is no fit, or one with one of the
+        groups at infinity.
     """
     some = [
         np.sort(np.concatenate([_spread(rows) for rows in groups]))
@@ -90,29 +102,63 @@ def joint_motions(window, scale, pairs):
         _of_both(window, scale, pair, rows, fits)
         for pair, rows, fits in zip(pairs, some, fitted, strict=True)
     ]
-    apart = [k for k, (_, saved) in enumerate(found) if saved > 0]
+    apart = [k for k, (_, saved, _) in enumerate(found) if saved > 0]
     for k, fit in zip(apart, window.fit([some[k] for k in apart]), strict=True):
         found[k] = _of_both(window, scale, pairs[k], some[k], (*fitted[k], fit))
     return found
 
 
 def _of_both(window, scale, pair, some, found):
-    """The best of the motions found for two groups, and what two motions save."""
+    """The best of the motions found for two groups, and how much better two are."""
     fits, groups = pair
     found = [fit for fit in found if fit]
     if not found:
-        return None, np.inf
+        return None, np.inf, np.inf
     own = list(zip(fits, groups, strict=True))
-    deviations = [measure(window, [fit], scale, rows).deviations() for fit, rows in own]
+    # Each track is its own measure here, however fast it is.
+    measured = partial(measure, window, relative=False)
+    deviations = [measured([fit], scale, rows).deviations() for fit, rows in own]
     scale = scale * max(noise_of(each[:, 0]) for each in deviations)
-    costs = measure(window, found, scale, some).nats.sum(axis=0)
+    costs = measured(found, scale, some).nats.sum(axis=0)
     best = found[int(costs.argmin())]
+    if is_at_infinity(window, scale, best, groups):
+        return best, np.inf, np.inf
     both = np.concatenate(groups)
-    saved = measure(window, [best], scale, both, [both]).nats.sum()
+    saved, worse = measured([best], scale, both, [both]).nats.sum(), []
     for fit, rows in own:
-        saved -= measure(window, [fit], scale, rows, [rows]).nats.sum()
+        alone = measured([fit], scale, rows, [rows])
+        saved -= alone.nats.sum()
+        jointly = _log_squares(window, measured([best], scale, rows))
+        ratios = jointly - _log_squares(window, alone)
+        known = ratios[np.isfinite(ratios)]
+        worse.append(np.median(known) if len(known) else np.inf)
     price = window.own_numbers(fits[1]) / 2 * np.log(max(window.freedom[both].sum(), 1))
-    return best, float(saved - ALIKE_IN_TIME * price)
+    return best, float(saved - ALIKE_IN_TIME * price), float(max(worse))
+
+
+def are_mixed(points, groups):
+    """Whether tracks of two groups are in one place of the picture.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2)
+        Of all tracks that are seen.
+    groups : pair of ndarray of int
+        Among them.
+
+    Returns
+    -------
+    bool
+        Parts of a thing that were taken apart by chance are mixed; things are beside
+        each other.
+    """
+    first, second = (np.isin(np.arange(len(points)), rows) for rows in groups)
+    k = min(N_NEIGHBOURS + 1, len(points))
+    _, near = KDTree(points).query(points, k)
+    near = near.reshape(len(points), k)[:, 1:]
+    links = second[near[first]].sum() + first[near[second]].sum()
+    chance = 2 * (k - 1) * first.sum() * second.sum() / len(points)
+    return links > MIXED * chance
 
 
 def _spread(rows):
@@ -138,15 +184,44 @@ def apartness(window, residuals, column, rows=None):
         says anything.
     """
     rows = slice(None) if rows is None else rows
-    freedom = np.maximum(residuals.freedom[rows], 1)
-    alike = (ALIKE / REFERENCE_WIDTH * _share(window.camera)) ** 2
-    logs = np.log(residuals.squares[rows] / freedom + alike)
+    logs = _log_squares(window, residuals)[rows]
     worse = logs - logs[:, [column]]
     apart = np.full(worse.shape[1], np.inf)
     for other in np.flatnonzero(np.isfinite(worse).any(axis=0)):
         if other != column:
             apart[other] = np.nanmedian(worse[:, other])
     return apart
+
+
+def _log_squares(window, residuals):
+    """Logarithms of squared deviations (n, M), those that are small being alike."""
+    alike = (ALIKE / REFERENCE_WIDTH * _share(window.camera)) ** 2
+    # Squares are over variances, and so is the least of them that counts.
+    alike = alike / residuals.variances[:, None]
+    return np.log(residuals.squares / np.maximum(residuals.freedom, 1) + alike)
+
+
+def is_at_infinity(window, scale, fit, groups):
+    """Whether a motion explains two groups only with one of them at infinity.
+
+    What stands still before a camera that only turns follows any motion, as if it were
+    infinitely far.
+
+    Parameters
+    ----------
+    window : Window
+    scale : float
+    fit : Fit
+    groups : pair of ndarray of int
+
+    Returns
+    -------
+    bool
+    """
+    placed = [window.inverse_depths(fit, rows) for rows in groups]
+    depths = [depth[:, None] for depth, _ in placed]
+    errors = [scale * error[:, None] for _, error in placed]
+    return infinitely_far(depths, errors) > FAR
 
 
 def _share(camera):

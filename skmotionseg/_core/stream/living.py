@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .assignment import measure
-from .births import FEWEST_MEMBERS, apartness
+from .births import FEWEST_MEMBERS, apartness, is_at_infinity
 from .buffer import UNKNOWN
 from .window import FEWEST_TRACKS, Fit
 
@@ -144,7 +144,7 @@ def _deviation(window, fit, rows, scale):
     return float(np.median(own)) if len(own) else 0.0
 
 
-def compare(window, residuals, motions, column, rows, sizes):
+def compare(window, residuals, motions, column, groups, sizes):
     """Note in a motion whether it is apart from all others, or alike to a larger one.
 
     Parameters
@@ -154,8 +154,8 @@ def compare(window, residuals, motions, column, rows, sizes):
     motions : list of LivingMotion
     column : int
         Of the motion.
-    rows : ndarray of int
-        Its tracks in the newest frame.
+    groups : list of ndarray of int
+        Tracks of each motion in the newest frame that can be judged.
     sizes : ndarray of int, shape (M,)
         Tracks of each motion.
 
@@ -166,7 +166,7 @@ def compare(window, residuals, motions, column, rows, sizes):
     closest : LivingMotion or None
         The one that explains it best of the others that are no candidates.
     """
-    motion = motions[column]
+    motion, rows = motions[column], groups[column]
     apart = apartness(window, residuals, column, rows)
     motion.is_apart = len(rows) > 0 and bool(apart.min(initial=np.inf) > APART)
     known = [
@@ -179,6 +179,7 @@ def compare(window, residuals, motions, column, rows, sizes):
         k
         for k, other in enumerate(motions)
         if apart[k] < ALIKE and not other.is_candidate and sizes[k] > sizes[column]
+        if not is_at_infinity(window, residuals.scale, other.fit, (rows, groups[k]))
     ]
     motion.alike = motion.alike + 1 if larger else 0
     alike = motions[max(larger, key=lambda k: sizes[k])] if larger else None

@@ -6,12 +6,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .assignment import OUTLYING, assign, measure, neighbour_shares, remembered
-from .births import LEAST_FREEDOM, apartness, find_candidate, joint_motions
+from .assignment import assign, measure, neighbour_shares, remembered
+from .births import (
+    LEAST_FREEDOM,
+    apartness,
+    are_mixed,
+    find_candidate,
+    is_at_infinity,
+    joint_motions,
+)
 from .buffer import UNKNOWN, TrackBuffer
 from .calibration import FRAMES_PER_ESTIMATE
 from .following import (
     are_doubtful,
+    are_outliers,
     can_be_told,
     columns_of,
     fitted_groups,
@@ -245,9 +253,11 @@ class MotionStream:
         groups, names = self._recognised(ids, labels)
         window = Window(buffer.points, buffer.seen, self.camera)
         events: list[Event] = []
-        for k, fit in enumerate(window.fit(groups)):
-            if fit is not None:
-                names[k] = self._renew_one(window, groups[k], fit, names[k], events)
+        fits = window.fit(groups)
+        # What lives already first: what is new is compared with it.
+        for k in sorted(range(len(groups)), key=lambda k: (names[k] == UNKNOWN, k)):
+            if fits[k] is not None:
+                names[k] = self._renew_one(window, groups[k], fits[k], names[k], events)
         if self.history is not None:
             told = np.where(labels > UNKNOWN, names[labels], UNKNOWN)
             gone = ~np.isin(ids, buffer.ids) & (told > UNKNOWN)
@@ -299,8 +309,13 @@ class MotionStream:
         """
         rows = group[window.freedom[group] >= LEAST_FREEDOM]
         fits = [fit, *(motion.fit for motion in self.motions)]
-        apart = apartness(window, measure(window, fits, self.scale, rows), 0)
-        return apart.min() < ALIKE
+        apart = apartness(window, measure(window, fits, self.scale, rows), 0)[1:]
+        return any(
+            not is_at_infinity(window, self.scale, motion.fit, (rows, others))
+            for motion, worse in zip(self.motions, apart, strict=True)
+            if worse < ALIKE
+            for others in [np.setdiff1d(self._telling(window, motion), group)]
+        )
 
     # ------------------------------------------------------------------ from then on
 
@@ -355,10 +370,7 @@ class MotionStream:
         columns = columns_of(buffer.labels, self.motions)
         judged = now & (window.freedom >= LEAST_FREEDOM)
         residuals = residuals.with_noise(columns, judged)
-        shares = np.zeros_like(residuals.nats)
-        voters = np.where(judged[now], columns[now], UNKNOWN)
-        places = buffer.points[now, -1]
-        shares[now] = neighbour_shares(places, voters, len(self.motions))
+        shares = self._shares(np.where(judged, columns, UNKNOWN))
         nats = np.where(
             may_join(residuals, columns, self.motions), residuals.nats, np.inf
         )
@@ -369,10 +381,23 @@ class MotionStream:
         kept = remembered(buffer.memory, residuals.nats, LENGTH)
         buffer.memory = np.where(now[:, None], kept, buffer.memory)
         own = np.take_along_axis(residuals.usual(), chosen[:, None], 1)[:, 0]
-        buffer.outlying = np.where(now, own > OUTLYING, buffer.outlying)
+        outlying = are_outliers(buffer, np.where(now, own, np.nan))
+        buffer.outlying = np.where(now, outlying, buffer.outlying)
         buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
         self._follow_noise((own * residuals.noise[chosen])[now])
         return residuals
+
+    def _shares(self, columns):
+        """Shares (n, M) of the neighbours of tracks that follow each motion."""
+        buffer, now = self.buffer, self.buffer.seen[:, -1]
+        places, before = buffer.points[now, -1], buffer.points[now, -2]
+        steps = np.where(buffer.seen[now, -2, None], places - before, np.nan)
+        noise = self.camera.unit * self.camera.noise
+        shares = np.zeros((len(now), len(self.motions)))
+        shares[now] = neighbour_shares(
+            places, steps, columns[now], len(self.motions), noise
+        )
+        return shares
 
     def _follow_noise(self, own):
         own = own[np.isfinite(own)]
@@ -410,6 +435,7 @@ class MotionStream:
         """The larger motion that each is alike to, and the closest to each; or None."""
         labels, now = self.buffer.labels, self.buffer.seen[:, -1]
         sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
+        telling = [self._telling(window, motion) for motion in self.motions]
         found = []
         for k, motion in enumerate(self.motions):
             if not motion.is_candidate:
@@ -417,8 +443,7 @@ class MotionStream:
                 self.numbers.see(motion.number, self._trace(rows, 1))
             if motion.is_established:
                 self.numbers.proven.add(motion.number)
-            rows = self._telling(window, motion)
-            found.append(compare(window, residuals, self.motions, k, rows, sizes))
+            found.append(compare(window, residuals, self.motions, k, telling, sizes))
         return zip(*found, strict=True)
 
     def _establish(self, window, closest):
@@ -461,9 +486,16 @@ class MotionStream:
         found = joint_motions(window, self.scale, list(pairs.values()))
         return {
             motion: fit
-            for motion, (fit, saved) in zip(pairs, found, strict=True)
-            if saved <= 0
+            for motion, (fit, saved, worse) in zip(pairs, found, strict=True)
+            if saved <= 0 or (worse < ALIKE and self._are_mixed(pairs[motion][1]))
         }
+
+    def _are_mixed(self, groups):
+        """Whether two groups are in one place of the newest frame."""
+        now = self.buffer.seen[:, -1]
+        names = np.cumsum(now) - 1
+        seen = [names[rows[now[rows]]] for rows in groups]
+        return are_mixed(self.buffer.points[now, -1], seen)
 
     def _confirm(self, motion, window, events):
         """Give a candidate a number; "dropped" if there are as many as may be.

@@ -14,7 +14,8 @@ from ..geometry.rigid_motion import (
     refine_rigid_motions,
     squared_residuals,
 )
-from ..geometry.windows import FEWEST_SEEN
+from ..geometry.rigid_motion import inverse_depths as track_depths
+from ..geometry.windows import FEWEST_SEEN, NOISE_PER_MOTION
 
 # Frames that are looked at: those in which a usual track lives on, and depth shows.
 LENGTH = 12
@@ -59,6 +60,8 @@ class Window:
     freedom : ndarray of int, shape (n_tracks,)
         Residuals of each track less the three numbers that place it; 0 where it is seen
         too little to be judged.
+    variances : ndarray of shape (n_tracks,)
+        Of residuals, over that of a track that is at rest in the image.
     """
 
     def __init__(self, points, seen, camera):
@@ -66,6 +69,14 @@ class Window:
         self.x = np.where(seen[..., None], camera.calibrated(points), 0)
         times = seen.sum(axis=1)
         self.freedom = np.where(times >= FEWEST_SEEN, 2 * times - 3, 0)
+        noise = NOISE_PER_MOTION * self._speeds() / (camera.unit * camera.noise)
+        self.variances = 1 + noise**2
+
+    def _speeds(self):
+        """Mean distances (n,) of tracks from one frame to the next, pixels."""
+        both = self.seen[:, 1:] & self.seen[:, :-1]
+        steps = np.linalg.norm(np.diff(self._points, axis=1), axis=2)
+        return np.where(both, steps, 0).sum(axis=1) / np.maximum(both.sum(axis=1), 1)
 
     def seen_by(self, camera):
         """The same tracks, as another camera sees them."""
@@ -181,6 +192,24 @@ class Window:
             squares[place] = squared_residuals(x, seen[known], poses).T
             freedom[place] = (2 * times[known] - 3)[:, None]
         return squares, freedom
+
+    def inverse_depths(self, fit, rows):
+        """Inverse depths of some tracks by a motion.
+
+        Returns
+        -------
+        depths, errors : ndarray of shape (n,)
+            In units of its own, and their standard deviations where that of a residual
+            is 1; NaN where a track is seen too little.
+        """
+        found = np.full((2, len(rows)), np.nan)
+        seen = self.seen[rows] & fit.valid
+        known = seen.sum(axis=1) >= FEWEST_SEEN
+        if known.any():
+            x = np.where(seen[known, :, None], self.x[rows[known]], 0)
+            depths = track_depths(x, seen[known], _stack([fit.poses]))
+            found[:, known] = np.concatenate(depths)
+        return tuple(found)
 
     def inflation(self, rows, fit):
         """How many times larger squared residuals are than those of a fit to tracks.

@@ -1,4 +1,4 @@
-"""What a common motion of two groups says of one of them: that it is at infinity."""
+"""What the depths that a common motion gives two groups say of its being true."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from ..geometry.windows import FEWEST_TRACKS
 
 # The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
+# In front of a camera or behind it is what is so by as many standard deviations.
+CLEARLY = 3.0
 
 
 def infinitely_far(depths, errors):
@@ -34,15 +36,44 @@ def infinitely_far(depths, errors):
         that is farther; its mean over the windows, weighted by the tracks of the
         smaller group.
     """
+    return _mean_over_windows(_far_in_window, depths, errors)
+
+
+def behind(depths, errors):
+    """How clearly one of two groups is behind the camera, by a common motion.
+
+    Residuals do not tell on which side of the camera a point is, but nothing behind it
+    is seen. Where a common motion explains both groups only if one of them is, they are
+    different motions: a car that drives away in front of a moving camera shrinks
+    towards the point from which all that stands still grows, as if it were behind.
+
+    Parameters
+    ----------
+    depths, errors : pair of ndarray of shape (n_tracks, n_windows)
+        As in :func:`infinitely_far`.
+
+    Returns
+    -------
+    float
+        Between 0 and 1: the share of pairs of tracks, one of each group, of which one
+        is clearly in front and the other behind, less that of such pairs within the
+        groups; its mean over the windows, weighted by the tracks of the smaller group.
+    """
+    return _mean_over_windows(_behind_in_window, depths, errors)
+
+
+def _mean_over_windows(measure, depths, errors):
+    """The mean of a measure of what is known of two groups in each window."""
     found, weights = [], []
     for window in range(depths[0].shape[1]):
         sides = []
         for side, error in zip(depths, errors, strict=True):
             known = np.isfinite(side[:, window])
-            sides.append((side[known, window], error[known, window]))
+            least = np.maximum(error[known, window], LEAST_SPREAD)
+            sides.append((side[known, window], least))
         weight = min(len(side) for side, _ in sides)
         if weight >= FEWEST_TRACKS:
-            found.append(_far_in_window(*sides))
+            found.append(measure(*sides))
             weights.append(weight)
     return float(np.average(found, weights=weights)) if found else 0.0
 
@@ -55,8 +86,14 @@ def _far_in_window(*sides):
         for (depths, _), median in zip(sides, medians, strict=True)
     )
     gap = abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
-    farther = min(
-        np.median(np.abs(depths) / np.maximum(error, LEAST_SPREAD))
-        for depths, error in sides
-    )
+    farther = min(np.median(np.abs(depths) / error) for depths, error in sides)
     return np.log(max(gap, 1)) / (1 + farther)
+
+
+def _behind_in_window(*sides):
+    """As :func:`_far_in_window`; which side is the front is not known."""
+    clear = [depths / error for depths, error in sides]
+    one, other = (((each > CLEARLY).mean(), (each < -CLEARLY).mean()) for each in clear)
+    between = max(one[0] * other[1], one[1] * other[0])
+    within = max(one[0] * one[1], other[0] * other[1])
+    return max(between - within, 0.0)
