@@ -9,8 +9,11 @@ from ..geometry.windows import FEWEST_TRACKS
 
 # The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
-# In front of a camera or behind it is what is so by as many standard deviations.
-CLEARLY = 3.0
+# Inverse depths of a group are between these quantiles: few are of outliers. A gap
+# between two groups is at most so many times as wide as both where a scene is cut in
+# two: an eighth if its inverse depths are evenly spread, and more where it is empty.
+RANGE = (0.1, 0.9)
+USUAL_GAP = 0.25
 
 
 def infinitely_far(depths, errors):
@@ -47,6 +50,10 @@ def behind(depths, errors):
     different motions: a car that drives away in front of a moving camera shrinks
     towards the point from which all that stands still grows, as if it were behind.
 
+    Where there is little parallax, inverse depths are known up to a number that is
+    added to all, and a scene may seem to reach behind the camera; but then it does so
+    without much of a gap.
+
     Parameters
     ----------
     depths, errors : pair of ndarray of shape (n_tracks, n_windows)
@@ -55,9 +62,10 @@ def behind(depths, errors):
     Returns
     -------
     float
-        Between 0 and 1: the share of pairs of tracks, one of each group, of which one
-        is clearly in front and the other behind, less that of such pairs within the
-        groups; its mean over the windows, weighted by the tracks of the smaller group.
+        Between 0 and 1: the gap between the inverse depths of the groups, from their
+        10th to their 90th percentiles, over the sum of these ranges, less 1/4, where
+        one is in front and the other behind; its mean over the windows, weighted by the
+        tracks of the smaller group.
     """
     return _mean_over_windows(_behind_in_window, depths, errors)
 
@@ -92,8 +100,9 @@ def _far_in_window(*sides):
 
 def _behind_in_window(*sides):
     """As :func:`_far_in_window`; which side is the front is not known."""
-    clear = [depths / error for depths, error in sides]
-    one, other = (((each > CLEARLY).mean(), (each < -CLEARLY).mean()) for each in clear)
-    between = max(one[0] * other[1], one[1] * other[0])
-    within = max(one[0] * one[1], other[0] * other[1])
-    return max(between - within, 0.0)
+    ranges = sorted(tuple(np.quantile(depths, RANGE)) for depths, _ in sides)
+    (least, back), (front, most) = ranges
+    if not back < 0 < front:
+        return 0.0
+    gap = (front - back) / (back - least + most - front + LEAST_SPREAD)
+    return float(np.clip(gap - USUAL_GAP, 0, 1))

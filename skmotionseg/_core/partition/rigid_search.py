@@ -47,7 +47,7 @@ NATS_OF_LINKS = 4.0
 # infinity, or behind the camera. By a logistic regression on pairs of groups in
 # simulated scenes (``python -m benchmarks.apartness``), with a prior by which one in
 # 300 of the pairs that are one motion is taken for two.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 1.65, 1.85, 5.0, 5.0, -7.0
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 1.65, 1.85, 5.0, 10.0, -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
 # Log odds by one of two motions below which no joint motion is fitted.
