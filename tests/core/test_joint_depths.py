@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skmotionseg._core.partition.joint_depths import behind, infinitely_far
+from skmotionseg._core.geometry.joint_depths import behind, infinitely_far
 
 # Median of the absolute value of a normal variable.
 OF_A_NORMAL = 0.6745

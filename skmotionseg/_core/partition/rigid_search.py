@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
+from ..geometry.joint_depths import behind, infinitely_far
 from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
@@ -25,7 +26,6 @@ from ..geometry.windows import (
     best_focal_length,
 )
 from ..labels import groups_of, indicator
-from .joint_depths import behind, infinitely_far
 from .local_search import split
 from .side_by_side import run, side_by_side
 

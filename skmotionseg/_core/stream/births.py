@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ..geometry.camera import REFERENCE_WIDTH
-from ..partition.joint_depths import infinitely_far
+from ..geometry.joint_depths import infinitely_far
 from .assignment import measure, noise_of
 
 # Tracks are unexplained above so many scales, if they have enough residuals to tell.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..geometry.description_length import OF_MEDIAN
-from ..geometry.windows import FEWEST_TRACKS
+from .description_length import OF_MEDIAN
+from .windows import FEWEST_TRACKS
 
 # The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
