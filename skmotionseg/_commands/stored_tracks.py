@@ -86,6 +86,8 @@ class StoredTracks:
                 last_points=state.points,
                 last_ids=state.ids,
                 last_numbers=[state.n_born, state.spacing],
+                last_patches=state.patches,
+                last_ages=state.ages,
             )
         self.n_frames += len(tracked)
 
@@ -106,7 +108,9 @@ class StoredTracks:
             return None
         last = self._last()
         n_born, spacing = map(int, last["last_numbers"])
-        return TrackerState(last["last_points"], last["last_ids"], n_born, spacing)
+        arrays = (last[f"last_{name}"] for name in ("points", "ids", "patches", "ages"))
+        points, ids, patches, ages = arrays
+        return TrackerState(points, ids, n_born, spacing, patches, ages)
 
     def frames(self, start=0, stop=None):
         """Yield ids, int32, and points (n, 2), float32, of some frames."""
