@@ -85,9 +85,9 @@ class StoredTracks:
                 size=size,
                 last_points=state.points,
                 last_ids=state.ids,
-                last_numbers=[state.n_born, state.spacing],
+                last_numbers=[state.n_born, state.spacing, state.n_frames],
                 last_patches=state.patches,
-                last_ages=state.ages,
+                last_places=state.places,
             )
         self.n_frames += len(tracked)
 
@@ -107,10 +107,11 @@ class StoredTracks:
         if not self.n_frames:
             return None
         last = self._last()
-        n_born, spacing = map(int, last["last_numbers"])
-        arrays = (last[f"last_{name}"] for name in ("points", "ids", "patches", "ages"))
-        points, ids, patches, ages = arrays
-        return TrackerState(points, ids, n_born, spacing, patches, ages)
+        n_born, spacing, n_frames = map(int, last["last_numbers"])
+        points, ids, patches, places = (
+            last[f"last_{name}"] for name in ("points", "ids", "patches", "places")
+        )
+        return TrackerState(points, ids, n_born, spacing, patches, places, n_frames)
 
     def frames(self, start=0, stop=None):
         """Yield ids, int32, and points (n, 2), float32, of some frames."""

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from .._utils.optional import require
 
 # Side, in pixels, of the window in which texture is measured, flow is refined, and what
 # is around a point is compared.
 WINDOW = 11
-# Frames after which what is around a point is looked at anew. It is compared with what
-# it was between so many and twice as many frames ago, or when the track began.
+# Frames after which what is around all points is looked at anew. It is compared with
+# what it was between so many and twice as many frames ago.
 RENEWED = 8
 # What has changed in half of the window correlates by about a half with what it was.
 LEAST_ALIKE = 0.7
 # Root mean square difference of grey values that is noise, whatever correlates.
 NOISE_OF_GREY = 5.0
+# Points that were around one, of which some are of what it has slid onto; pixels by
+# which it has moved away from the others; and the share that these are at least.
+N_AROUND, APART, SHARE_LEFT = 12, 1.5, 0.25
 # Rows that OpenCV takes at once.
 MOST_ROWS = 16384
 
@@ -25,50 +29,91 @@ class Looks:
 
     Where a thing passes slowly, points of what is behind it are taken along by its
     outline, by less in each frame than the way back misses. Over some frames the
-    windows around them fill with the thing.
+    windows around them fill with the thing, and they leave some of the points that were
+    around them. What changes where it is leaves none, and a limb that moves looks as it
+    did.
 
     Parameters
     ----------
     patches : ndarray of uint8, shape (n_points, 2, WINDOW ** 2)
-        What was around each point when it was looked at last but one, and last.
-    ages : ndarray of int, shape (n_points,)
-        Frames since each began.
+        What was around each point when all were looked at last but one, and last.
+    places : ndarray of shape (n_points, 2, 2)
+        Where it was then; NaN where it was not there.
+    n_frames : int
+        That were seen.
     """
 
-    def __init__(self, patches=None, ages=None):
-        if patches is None:
-            patches = np.empty((0, 2, WINDOW**2), dtype=np.uint8)
-        self.patches = patches
-        self.ages = np.empty(0, dtype=int) if ages is None else ages
+    def __init__(self, patches=None, places=None, n_frames=0):
+        self.patches = np.empty((0, 2, WINDOW**2), np.uint8)
+        self.places = np.empty((0, 2, 2))
+        if patches is not None:
+            self.patches, self.places = patches, places
+        self.n_frames = n_frames
 
     def follow(self, picture, points, followed):
-        """Which points look in the next picture as they did.
+        """Which points have not slid in the next picture.
 
         Parameters
         ----------
         picture : ndarray of uint8, shape (height, width)
         points : ndarray of shape (n, 2)
             Where those are that were followed; the others are forgotten, and so are
-            those that look different.
+            those that have slid.
         followed : ndarray of bool, shape (n_points,)
 
         Returns
         -------
         ndarray of bool, shape (n,)
         """
-        patches, ages = self.patches[followed], self.ages[followed] + 1
+        self._keep(followed)
         now = patches_around(picture, points)
-        same = alike(patches[:, 0], now)
-        due = ages % RENEWED == 0
-        patches[due] = np.stack([patches[due, 1], now[due]], axis=1)
-        self.patches, self.ages = patches[same], ages[same]
-        return same
+        slid = np.zeros(len(points), dtype=bool)
+        older = np.isfinite(self.places[:, 0, 0])
+        for which, known in enumerate((older, ~older)):
+            there = self.places[:, which]
+            rows = known & np.isfinite(there[:, 0])
+            changed = rows & ~alike(self.patches[:, which], now)
+            slid[changed] = moved_apart(there, points, np.flatnonzero(changed))
+        self._keep(~slid)
+        return ~slid
 
     def begin(self, picture, points):
         """Take up the points that come after those that are known."""
-        new = patches_around(picture, points[len(self.ages) :])
-        self.patches = np.concatenate([self.patches, np.stack([new, new], axis=1)])
-        self.ages = np.concatenate([self.ages, np.zeros(len(new), dtype=int)])
+        n_new = len(points) - len(self.places)
+        self.places = np.concatenate([self.places, np.full((n_new, 2, 2), np.nan)])
+        blank = np.zeros((n_new, 2, WINDOW**2), dtype=np.uint8)
+        self.patches = np.concatenate([self.patches, blank])
+        if self.n_frames % RENEWED == 0:
+            now = patches_around(picture, points)
+            self.patches = np.stack([self.patches[:, 1], now], axis=1)
+            self.places = np.stack([self.places[:, 1], points], axis=1)
+        self.n_frames += 1
+
+    def _keep(self, some):
+        self.patches, self.places = self.patches[some], self.places[some]
+
+
+def moved_apart(before, now, asked):
+    """Whether points have moved away from some of those that were around them.
+
+    Parameters
+    ----------
+    before, now : ndarray of shape (n, 2)
+        NaN before for points that were not there.
+    asked : ndarray of int, shape (m,)
+        Rows of those that were.
+
+    Returns
+    -------
+    ndarray of bool, shape (m,)
+    """
+    others = np.flatnonzero(np.isfinite(before[:, 0]))
+    if len(others) <= N_AROUND or not len(asked):
+        return np.zeros(len(asked), dtype=bool)
+    near = others[KDTree(before[others]).query(before[asked], N_AROUND + 1)[1][:, 1:]]
+    steps = now - before
+    apart = np.linalg.norm(steps[near] - steps[asked, None], axis=2) > APART
+    return apart.mean(axis=1) >= SHARE_LEFT
 
 
 def patches_around(picture, points):

@@ -112,9 +112,10 @@ def track_video(
     thing that moves, cells have half the side, or as much as adds no more than a
     quarter to their number. A track follows the optical flow (DIS, then
     Lucas-Kanade to a few hundredths of a pixel) for as long as the flow leads back to
-    where it came from, away from edges of moving things, and inside the picture, and
-    what is around the point correlates with what it was 8 to 16 frames before: where a
-    thing passes slowly, its outline takes points along.
+    where it came from, away from edges of moving things, and inside the picture. It
+    ends, too, where it has left points that were around it 8 to 16 frames before, and
+    what is around it no longer looks as it did: a thing that passes slowly takes points
+    of what is behind along.
 
     Frames are read one at a time and no more than three are held; memory grows with
     the tracks alone.
@@ -275,8 +276,10 @@ class TrackerState(NamedTuple):
         Of the grid; None before the first frame.
     patches : ndarray of uint8, shape (n_points, 2, n_pixels)
         What was around the points, as :class:`Looks` keeps it.
-    ages : ndarray of int, shape (n_points,)
-        Frames since the points began.
+    places : ndarray of shape (n_points, 2, 2)
+        Where they were then.
+    n_frames : int
+        That were tracked.
     """
 
     points: np.ndarray
@@ -284,7 +287,8 @@ class TrackerState(NamedTuple):
     n_born: int
     spacing: int | None
     patches: np.ndarray | None = None
-    ages: np.ndarray | None = None
+    places: np.ndarray | None = None
+    n_frames: int = 0
 
 
 class PointTracker:
@@ -308,7 +312,7 @@ class PointTracker:
         )
         self._points, self._ids = state.points, state.ids
         self._sower = _Sower(state.spacing, min_texture, state.n_born)
-        self._looks = Looks(state.patches, state.ages)
+        self._looks = Looks(state.patches, state.places, state.n_frames)
         self._flow, self._max_side = _PointFlow(max_error), max_side
         self._previous = None if last is None else _shrunk_grey(last, max_side)[0]
 
@@ -321,7 +325,8 @@ class PointTracker:
             sower.n_born,
             sower.spacing,
             looks.patches,
-            looks.ages,
+            looks.places,
+            looks.n_frames,
         )
 
     def step(self, frame):

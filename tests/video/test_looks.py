@@ -11,11 +11,13 @@ from skmotionseg import unpack_tracks
 from skmotionseg.video import _looks, track_video
 from skmotionseg.video._looks import (
     MOST_ROWS,
+    N_AROUND,
     NOISE_OF_GREY,
     RENEWED,
     WINDOW,
     Looks,
     alike,
+    moved_apart,
     patches_around,
 )
 
@@ -76,32 +78,98 @@ def test_what_fills_half_of_the_window_counts(picture):
     assert alike(patches, mixed).mean() < 0.2
 
 
-def test_points_are_compared_with_what_was_frames_ago(picture):
-    """What slides by little in each frame is lost in the end, and what stays is not."""
-    looks, places = Looks(), np.array([[20.0, 30.0], [50.0, 30.0]])
+def grid_of(picture, spacing=8):
+    height, width = picture.shape
+    y, x = np.mgrid[8 : height - 8 : spacing, 8 : width - 8 : spacing]
+    return np.column_stack([x.ravel(), y.ravel()]).astype(float)
+
+
+def after(looks, picture, places, n_frames):
+    """Which of the points stay, that are looked at so many times."""
+    rows = np.arange(len(places))
+    for _ in range(n_frames):
+        same = looks.follow(picture, places[rows], followed(len(rows)))
+        rows = rows[same]
+        looks.begin(picture, places[rows])
+    return rows
+
+
+def test_what_slides_is_lost_and_what_stays_is_not(picture):
+    """It leaves those that were around it, and looks different where it is now."""
+    looks, places = Looks(), grid_of(picture)
     looks.begin(picture, places)
-    for _ in range(3):
-        places += [[0.3, 0.0], [0.0, 0.0]]
-        assert looks.follow(picture, places, followed(2)).all()
+    places[20] += [4.0, 0.0]
+    assert (
+        after(looks, picture, places, 1).tolist()
+        == np.delete(np.arange(len(places)), 20).tolist()
+    )
+
+
+def test_it_is_told_by_what_was_frames_ago(picture):
+    """By little in each frame, as it slides."""
+    looks, places = Looks(), grid_of(picture)
+    looks.begin(picture, places)
+    for _ in range(4):
+        places[20] += [0.3, 0.0]
+        assert looks.follow(picture, places, followed(len(places))).all()
+        looks.begin(picture, places)
     for _ in range(2 * RENEWED):
-        places[0] += [0.3, 0.0]
-        if len(looks.ages) == 2:
-            same = looks.follow(picture, places, followed(2))
-        else:
-            assert looks.follow(picture, places[1:], followed(1)).all()
-    np.testing.assert_array_equal(same, [False, True])
-    assert looks.ages.tolist() == [3 + 2 * RENEWED]
+        places[20] += [0.3, 0.0]
+        same = looks.follow(picture, places, followed(len(places)))
+        if not same.all():
+            break
+        looks.begin(picture, places)
+    assert np.flatnonzero(~same).tolist() == [20]
 
 
-def test_slow_change_is_no_slide(picture):
-    """What changes over more frames than points are compared, as by zoom, may."""
-    rng = np.random.default_rng(4)
-    first, last = (plaster(rng, (60, 80)).astype(float) for _ in range(2))
-    looks, point, n_frames = Looks(), np.array([[40.0, 30.0]]), 20 * RENEWED
-    looks.begin(np.uint8(first), point)
-    for share in np.linspace(0, 1, n_frames):
-        now = np.uint8((1 - share) * first + share * last)
-        assert looks.follow(now, point, followed(1)).all()
+def test_what_moves_and_looks_as_it_did_is_a_limb(picture):
+    looks, places = Looks(), grid_of(picture)
+    looks.begin(picture, places)
+    x, y = places[20].astype(int)
+    moved, own = picture.copy(), slice(y - HALF - 1, y + HALF + 2)
+    moved[own, x : x + WINDOW + 2] = picture[own, x - HALF - 1 : x + HALF + 2]
+    places[20] += [HALF + 1.0, 0.0]
+    assert 20 in after(looks, moved, places, 1)
+
+
+def test_what_changes_in_its_place_is_no_slide(picture):
+    """A lamp that is lit."""
+    looks, places = Looks(), grid_of(picture)
+    looks.begin(picture, places)
+    other = plaster(np.random.default_rng(4), picture.shape)
+    assert len(after(looks, other, places, 3 * RENEWED)) == len(places)
+
+
+def test_points_that_came_later_are_compared_once_all_are_looked_at(picture):
+    looks, places = Looks(), grid_of(picture)
+    rows = followed(len(places))
+    rows[20] = False
+    looks.begin(picture, places[rows])
+    order = np.append(np.flatnonzero(rows), 20)  # new points come last
+    looks.follow(picture, places[rows], followed(rows.sum()))
+    looks.begin(picture, places[order])
+    moved = places[order] + [[4.0 * (row == 20), 0.0] for row in order]
+    assert looks.follow(picture, moved, followed(len(order))).all()  # unknown so far
+    looks.begin(picture, moved)
+    assert len(after(looks, picture, moved, RENEWED)) == len(order)
+    moved[-1] -= [4.0, 0.0]
+    assert len(after(looks, picture, moved, 1)) == len(order) - 1
+
+
+def test_few_points_do_not_tell(picture):
+    looks, places = Looks(), grid_of(picture)[:N_AROUND]
+    looks.begin(picture, places)
+    assert len(after(looks, picture, places + np.array([4.0, 0.0]), 1)) == N_AROUND
+
+
+@pytest.mark.parametrize("growth", [0.95, 1.05])
+def test_what_grows_does_not_move_apart(growth):
+    places = np.random.default_rng(6).uniform(0, 100, (400, 2))
+    inside = np.flatnonzero((abs(places - 50) < 35).all(axis=1))
+    apart = moved_apart(places, growth * places, inside)
+    assert apart.mean() < 0.05
+    alone = growth * places + [[10.0, 0.0]] * (np.arange(400) == inside[0])[:, None]
+    assert moved_apart(places, alone, inside[:1]).all()
 
 
 def passing(n_frames=30):
