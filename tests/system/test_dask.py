@@ -69,6 +69,14 @@ def dask(cluster):
         yield distributed.default_client()
 
 
+@pytest.fixture
+def doomed_dask(dask, cluster, monkeypatch):
+    """As ``dask``, for tasks that kill, of which earlier tests have left none."""
+    dask.restart(timeout=60)
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+    return dask
+
+
 @pytest.fixture(scope="module")
 def sequences():
     """Short sequences, the third of ``DOOMED`` tracks: (list of X, list of y)."""
@@ -272,10 +280,7 @@ def test_a_sequence_that_fails_is_named(sequences, dask):
 
 # The last two, for they leave a cluster without workers, whose nannies bring new ones.
 @pytest.mark.parametrize("as_list", [True, False])
-def test_a_search_that_kills_every_worker_ends(
-    as_list, sequences, dask, cluster, monkeypatch
-):
-    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+def test_a_search_that_kills_every_worker_ends(as_list, sequences, doomed_dask):
     X, y = sequences
     if not as_list:  # which joblib puts on a worker beforehand
         of_objects = np.empty(len(X), dtype=object)
@@ -295,10 +300,7 @@ def test_a_search_that_kills_every_worker_ends(
     assert "while running _fit_and_score" in caught.value.__notes__
 
 
-def test_a_sequence_that_kills_every_worker_is_named(
-    sequences, dask, cluster, monkeypatch
-):
-    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
+def test_a_sequence_that_kills_every_worker_is_named(sequences, doomed_dask):
     X, _ = sequences
     estimator = PerSequence(Dies(MotionSegmenter(2, **QUICK), DOOMED)).fit(X)
     with pytest.raises(distributed.KilledWorker) as caught:
