@@ -7,12 +7,15 @@ import numpy as np
 from ..geometry.coverage import Neighbours
 from .births import LEAST_FREEDOM, UNEXPLAINED
 from .buffer import UNKNOWN
+from .window import FEWEST_TRACKS
 
 # Outliers are above so many deviations from their motion, and these times remoteness
 # from their neighbours is above: noise of trackers drifts, so that deviations do not
 # say enough alone. In simulated streams 0.3 % of the tracks and 53 % of the outliers
 # are, by a limit of 4 deviations 0.5 and 57 %; in clips filmed from cars, a seventh.
 OUTLYING, STRANGE = 3.0, 16.0
+# Tracks of before that tell whether a motion is bent.
+FEWEST_HELD = 6
 
 
 def groups_of(buffer, motions):
@@ -34,14 +37,45 @@ def groups_of(buffer, motions):
 def fitted_groups(buffer, motions):
     """Rows of the tracks to which each living motion is fitted.
 
-    What follows it only because nothing else explains it does not bend it, as long as
-    half of its tracks are explained.
+    What follows it only because nothing else explains it does not bend it: tracks that
+    it has never explained do not, and others not as long as half are explained.
     """
     found = []
     for rows in groups_of(buffer, motions):
+        rows = rows[buffer.anchored[rows]]
         explained = rows[~buffer.doubtful[rows]]
         found.append(explained if 2 * len(explained) >= len(rows) else rows)
     return found
+
+
+def may_anchor(buffer, columns, judged, n_motions):
+    """Tracks that the motion which they follow explains, as far as it can explain any.
+
+    A motion that does not explain most of those that it did explain is bent, and what
+    it does not explain now says nothing.
+
+    Parameters
+    ----------
+    buffer : TrackBuffer
+    columns : ndarray of int, shape (n,)
+        As of :func:`columns_of`.
+    judged : ndarray of bool, shape (n,)
+        Tracks in the newest frame that can be judged.
+    n_motions : int
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    known = judged & (columns >= 0)
+    explained = known & ~buffer.doubtful
+    held = known & buffer.anchored
+    before = np.bincount(columns[held], minlength=n_motions)
+    still = np.bincount(columns[held & explained], minlength=n_motions)
+    bent = (before >= FEWEST_HELD) & (2 * still < before)
+    new = np.bincount(columns[known & ~buffer.anchored], minlength=n_motions)
+    firm = still >= np.maximum(new, FEWEST_TRACKS)
+    return known & np.where(firm[columns], explained, bent[columns])
 
 
 def columns_of(labels, motions):

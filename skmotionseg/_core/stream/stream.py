@@ -23,6 +23,7 @@ from .following import (
     can_be_told,
     columns_of,
     fitted_groups,
+    may_anchor,
     may_join,
 )
 from .history import History
@@ -201,6 +202,7 @@ class MotionStream:
             if fit is not None:
                 number, _ = self._begin(group, fit, static=k == 0)
                 self.buffer.labels[group] = UNKNOWN if number is None else number
+                self.buffer.anchored[group] = number is not None
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
         if self.motions:  # also tracks that are too short to find motions by follow one
             window = Window(self.buffer.points, self.buffer.seen, self.camera)
@@ -369,7 +371,7 @@ class MotionStream:
         residuals = measure(window, fits, self.scale, groups=groups)
         columns = columns_of(buffer.labels, self.motions)
         judged = now & (window.freedom >= LEAST_FREEDOM)
-        residuals = residuals.with_noise(columns, judged)
+        residuals = residuals.with_noise(columns, judged & buffer.anchored)
         shares = self._shares(np.where(judged, columns, UNKNOWN))
         nats = np.where(
             may_join(residuals, columns, self.motions), residuals.nats, np.inf
@@ -384,6 +386,8 @@ class MotionStream:
         outlying = are_outliers(buffer, np.where(now, own, np.nan))
         buffer.outlying = np.where(now, outlying, buffer.outlying)
         buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
+        columns = columns_of(buffer.labels, self.motions)
+        buffer.anchor(may_anchor(buffer, columns, judged, len(self.motions)))
         self._follow_noise((own * residuals.noise[chosen])[now])
         return residuals
 
@@ -433,13 +437,14 @@ class MotionStream:
 
     def _compare(self, window, residuals):
         """The larger motion that each is alike to, and the closest to each; or None."""
-        labels, now = self.buffer.labels, self.buffer.seen[:, -1]
+        labels = self.buffer.labels
+        held = self.buffer.seen[:, -1] & self.buffer.anchored
         sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
         telling = [self._telling(window, motion) for motion in self.motions]
         found = []
         for k, motion in enumerate(self.motions):
             if not motion.is_candidate:
-                rows = np.flatnonzero(now & (labels == motion.number))
+                rows = np.flatnonzero(held & (labels == motion.number))
                 self.numbers.see(motion.number, self._trace(rows, 1))
             if motion.is_established:
                 self.numbers.proven.add(motion.number)
@@ -476,11 +481,15 @@ class MotionStream:
         return known[0] if known else None
 
     def _joint(self, window, asked):
-        """Joint motions of pairs of motions, by the first, where they explain both."""
+        """Joint motions of pairs of motions, by the first, where they explain both.
+
+        Any motion goes on as another that is seen after it, and not at the same time.
+        """
         pairs = {}
         for motion, other in asked.items():
             rows = self._telling(window, motion)
-            others = fitted_groups(self.buffer, [other])[0] if other else rows[:0]
+            seen = other is not None and not other.unseen
+            others = fitted_groups(self.buffer, [other])[0] if seen else rows[:0]
             if min(len(others), len(rows)) >= FEWEST_TRACKS:
                 pairs[motion] = (other.fit, motion.fit), (others, rows)
         found = joint_motions(window, self.scale, list(pairs.values()))
@@ -508,11 +517,12 @@ class MotionStream:
             source.fit = joint[motion]
             return "dropped"
         rows = self._telling(window, motion)
+        former = _most(self.numbers.final(self.buffer.known[rows]))
         number, again = self.numbers.of(
             self._trace(rows, first=True),
             self.size,
             {other.number for other in self.motions if not other.unseen},
-            _most(self.buffer.before[rows]),
+            former,
             self.n_motions,
             self._fading(),
         )
@@ -523,7 +533,7 @@ class MotionStream:
                 other.number = UNKNOWN - 1
         self.buffer.confirm(motion.number, number)
         motion.number, motion.apart = number, 0
-        motion.source = _most(self.buffer.before[rows])
+        motion.source = former
         events.append(_appeared(self.frame, number, again))
         return None
 
@@ -620,7 +630,7 @@ class MotionStream:
         labels = buffer.labels.copy()
         labels[members] = number
         buffer.follow(labels)
-        buffer.outlying[members] = False
+        buffer.outlying[members], buffer.anchored[members] = False, True
 
 
 def _appeared(frame, number, again):
