@@ -14,8 +14,9 @@ from .window import FEWEST_TRACKS
 # say enough alone. In simulated streams 0.3 % of the tracks and 53 % of the outliers
 # are, by a limit of 4 deviations 0.5 and 57 %; in clips filmed from cars, a seventh.
 OUTLYING, STRANGE = 3.0, 16.0
-# Tracks of before that tell whether a motion is bent.
-FEWEST_HELD = 6
+# Tracks that a motion has explained before which tell that it is bent, and which
+# determine it whatever else follows it.
+FEWEST_HELD, FIRM = 6, 10
 
 
 def groups_of(buffer, motions):
@@ -42,39 +43,43 @@ def fitted_groups(buffer, motions):
     """
     found = []
     for rows in groups_of(buffer, motions):
-        rows = rows[buffer.anchored[rows]]
+        rows = rows[buffer.held[rows]]
         explained = rows[~buffer.doubtful[rows]]
         found.append(explained if 2 * len(explained) >= len(rows) else rows)
     return found
 
 
-def may_anchor(buffer, columns, judged, n_motions):
-    """Tracks that the motion which they follow explains, as far as it can explain any.
+def newly_held(buffer, motions, judged):
+    """Tracks that the motion which they follow explains, as far as it can tell.
 
-    A motion that does not explain most of those that it did explain is bent, and what
-    it does not explain now says nothing.
+    What takes the place of a motion that leaves would bend it, and have its number. So
+    one that has few tracks left takes no more new ones at a time than it has. One that
+    no longer explains most of those that it did explain is bent itself, and what it
+    does not explain says nothing; the static scene is where most tracks are, anyway.
 
     Parameters
     ----------
     buffer : TrackBuffer
-    columns : ndarray of int, shape (n,)
-        As of :func:`columns_of`.
+    motions : list of LivingMotion
     judged : ndarray of bool, shape (n,)
         Tracks in the newest frame that can be judged.
-    n_motions : int
 
     Returns
     -------
     ndarray of bool, shape (n,)
     """
+    columns = columns_of(buffer.labels, motions)
     known = judged & (columns >= 0)
     explained = known & ~buffer.doubtful
-    held = known & buffer.anchored
-    before = np.bincount(columns[held], minlength=n_motions)
-    still = np.bincount(columns[held & explained], minlength=n_motions)
+
+    def count(some):
+        return np.bincount(columns[known & some], minlength=len(motions))
+
+    before, still = count(buffer.held), count(buffer.held & explained)
+    scene = np.array([motion.number == 0 for motion in motions])
+    firm = still >= np.clip(count(~buffer.held), FEWEST_TRACKS, FIRM)
     bent = (before >= FEWEST_HELD) & (2 * still < before)
-    new = np.bincount(columns[known & ~buffer.anchored], minlength=n_motions)
-    firm = still >= np.maximum(new, FEWEST_TRACKS)
+    bent |= scene & (still < FEWEST_TRACKS)
     return known & np.where(firm[columns], explained, bent[columns])
 
 

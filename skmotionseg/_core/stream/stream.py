@@ -23,8 +23,8 @@ from .following import (
     can_be_told,
     columns_of,
     fitted_groups,
-    may_anchor,
     may_join,
+    newly_held,
 )
 from .history import History
 from .identities import Numbers, Trace, going_on
@@ -164,6 +164,7 @@ class MotionStream:
             self.history.add(*gone)
             known = self.history.labels_of(self.buffer.ids[new])
             self.buffer.labels[new] = self.numbers.final(known)
+            self.buffer.known[new] = self.buffer.labels[new]
 
     def _continuity(self, n_seen):
         """Note frames that see nothing, or nothing of before."""
@@ -202,7 +203,7 @@ class MotionStream:
             if fit is not None:
                 number, _ = self._begin(group, fit, static=k == 0)
                 self.buffer.labels[group] = UNKNOWN if number is None else number
-                self.buffer.anchored[group] = number is not None
+                self.buffer.held[group] = number is not None
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
         if self.motions:  # also tracks that are too short to find motions by follow one
             window = Window(self.buffer.points, self.buffer.seen, self.camera)
@@ -371,7 +372,7 @@ class MotionStream:
         residuals = measure(window, fits, self.scale, groups=groups)
         columns = columns_of(buffer.labels, self.motions)
         judged = now & (window.freedom >= LEAST_FREEDOM)
-        residuals = residuals.with_noise(columns, judged & buffer.anchored)
+        residuals = residuals.with_noise(columns, judged & buffer.held)
         shares = self._shares(np.where(judged, columns, UNKNOWN))
         nats = np.where(
             may_join(residuals, columns, self.motions), residuals.nats, np.inf
@@ -386,8 +387,7 @@ class MotionStream:
         outlying = are_outliers(buffer, np.where(now, own, np.nan))
         buffer.outlying = np.where(now, outlying, buffer.outlying)
         buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
-        columns = columns_of(buffer.labels, self.motions)
-        buffer.anchor(may_anchor(buffer, columns, judged, len(self.motions)))
+        buffer.hold(newly_held(buffer, self.motions, judged))
         self._follow_noise((own * residuals.noise[chosen])[now])
         return residuals
 
@@ -438,7 +438,7 @@ class MotionStream:
     def _compare(self, window, residuals):
         """The larger motion that each is alike to, and the closest to each; or None."""
         labels = self.buffer.labels
-        held = self.buffer.seen[:, -1] & self.buffer.anchored
+        held = self.buffer.seen[:, -1] & self.buffer.held
         sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
         telling = [self._telling(window, motion) for motion in self.motions]
         found = []
@@ -630,7 +630,7 @@ class MotionStream:
         labels = buffer.labels.copy()
         labels[members] = number
         buffer.follow(labels)
-        buffer.outlying[members], buffer.anchored[members] = False, True
+        buffer.outlying[members], buffer.held[members] = False, True
 
 
 def _appeared(frame, number, again):
