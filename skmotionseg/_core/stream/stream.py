@@ -27,7 +27,7 @@ from .following import (
     newly_held,
 )
 from .history import History
-from .identities import Numbers, Trace, going_on
+from .identities import SHARED_PART, SHARED_TRACKS, Numbers, Trace, going_on
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -517,12 +517,11 @@ class MotionStream:
             source.fit = joint[motion]
             return "dropped"
         rows = self._telling(window, motion)
-        former = _most(self.numbers.final(self.buffer.known[rows]))
         number, again = self.numbers.of(
             self._trace(rows, first=True),
             self.size,
             {other.number for other in self.motions if not other.unseen},
-            former,
+            self._former(rows),
             self.n_motions,
             self._fading(),
         )
@@ -533,9 +532,22 @@ class MotionStream:
                 other.number = UNKNOWN - 1
         self.buffer.confirm(motion.number, number)
         motion.number, motion.apart = number, 0
-        motion.source = former
+        motion.source = _most(self.buffer.known[rows])
         events.append(_appeared(self.frame, number, again))
         return None
+
+    def _former(self, rows):
+        """The number of a motion that has explained what some tracks are; or None.
+
+        They are most of those in the newest frame that it has explained.
+        """
+        now, known = self.buffer.seen[:, -1], self.numbers.final(self.buffer.known)
+        own = known[rows][known[rows] > UNKNOWN]
+        if len(own) == 0:
+            return None
+        former = _most(own)
+        shared, of = np.sum(own == former), np.sum(known[now] == former)
+        return former if shared >= max(SHARED_TRACKS, SHARED_PART * of) else None
 
     def _fading(self):
         """Numbers of motions that have lost their tracks."""
