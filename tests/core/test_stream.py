@@ -313,6 +313,21 @@ def test_a_candidate_that_takes_the_place_of_a_motion_gets_a_new_number():
     assert confirming.candidate.source == -1
 
 
+@pytest.mark.parametrize(
+    ("own", "elsewhere", "number"), [(4, 3, 1), (4, 5, 2), (2, 0, 2)]
+)
+def test_a_candidate_is_what_has_explained_most_of_its_tracks_before(
+    own, elsewhere, number
+):
+    confirming = Confirming(before=-1)
+    confirming.stream.motions[1].unseen = 1
+    known = confirming.stream.buffer.known
+    known[10:20], known[20 : 20 + own] = -1, 1
+    known[10 : 10 + elsewhere] = 1
+    confirming.confirm()
+    assert confirming.candidate.number == number
+
+
 def test_a_motion_goes_on_as_any_that_is_seen_after_it(monkeypatch):
     # So one that explains both says nothing.
     monkeypatch.setattr(
