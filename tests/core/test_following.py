@@ -58,9 +58,12 @@ def test_outliers_are_in_no_group():
 
 
 def test_a_motion_is_fitted_to_tracks_that_it_has_explained():
-    buffer = buffer_of([0] * 4 + [1] * 4, doubtful=[1, 2], new=[0, 1, 6])
-    groups = fitted_groups(buffer, living(0, 1))
+    buffer = buffer_of([2] * 4 + [1] * 4, doubtful=[1, 2], new=[0, 1, 6])
+    groups = fitted_groups(buffer, living(2, 1))
     assert [rows.tolist() for rows in groups] == [[3], [4, 5, 7]]
+    # Nothing takes the place of the static scene.
+    buffer.labels[:4] = 0
+    assert fitted_groups(buffer, living(0))[0].tolist() == [0, 3]
 
 
 def newly(number, n_old, n_new, doubtful=(), judged=True):

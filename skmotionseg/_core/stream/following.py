@@ -38,12 +38,13 @@ def groups_of(buffer, motions):
 def fitted_groups(buffer, motions):
     """Rows of the tracks to which each living motion is fitted.
 
-    What follows it only because nothing else explains it does not bend it: tracks that
-    it has never explained do not, and others not as long as half are explained.
+    What follows it only because nothing else explains it does not bend it, as long as
+    half of its tracks are explained. Tracks that it has never explained do not, either;
+    but they do belong to the static scene, whose place nothing takes.
     """
     found = []
-    for rows in groups_of(buffer, motions):
-        rows = rows[buffer.held[rows]]
+    for motion, rows in zip(motions, groups_of(buffer, motions), strict=True):
+        rows = rows if motion.number == 0 else rows[buffer.held[rows]]
         explained = rows[~buffer.doubtful[rows]]
         found.append(explained if 2 * len(explained) >= len(rows) else rows)
     return found
