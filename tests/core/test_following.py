@@ -18,6 +18,7 @@ from skmotionseg._core.stream.following import (
     fitted_groups,
     groups_of,
     may_join,
+    newly_held,
 )
 from skmotionseg._core.stream.living import LivingMotion
 
@@ -26,12 +27,13 @@ def living(*numbers, **known):
     return [LivingMotion(number, None, 0, **known) for number in numbers]
 
 
-def buffer_of(labels, doubtful=(), outlying=()):
+def buffer_of(labels, doubtful=(), outlying=(), new=()):
     n = len(labels)
     return SimpleNamespace(
         labels=np.array(labels),
         doubtful=np.isin(np.arange(n), doubtful),
         outlying=np.isin(np.arange(n), outlying),
+        held=~np.isin(np.arange(n), new),
     )
 
 
@@ -53,6 +55,48 @@ def test_outliers_are_in_no_group():
     groups = groups_of(buffer, living(1, 0))
     assert [rows.tolist() for rows in groups] == [[2, 3], [0]]
     assert_array_equal(columns_of(buffer.labels, living(1, 0)), [1, 1, 0, 0, -1])
+
+
+def test_a_motion_is_fitted_to_tracks_that_it_has_explained():
+    buffer = buffer_of([2] * 4 + [1] * 4, doubtful=[1, 2], new=[0, 1, 6])
+    groups = fitted_groups(buffer, living(2, 1))
+    assert [rows.tolist() for rows in groups] == [[3], [4, 5, 7]]
+    # Nothing takes the place of the static scene.
+    buffer.labels[:4] = 0
+    assert fitted_groups(buffer, living(0))[0].tolist() == [0, 3]
+
+
+def newly(number, n_old, n_new, doubtful=(), judged=True):
+    """Of new tracks, that come after the old ones, how many are held."""
+    new = np.arange(n_old, n_old + n_new)
+    buffer = buffer_of([number] * (n_old + n_new) + [-1], doubtful, new=new)
+    held = newly_held(buffer, living(0, 1), np.full(n_old + n_new + 1, judged))
+    assert not held[-1]
+    return int(held[new].sum())
+
+
+def test_tracks_that_a_motion_explains_are_held():
+    assert newly(1, 12, 8) == 8
+    assert newly(1, 12, 8, doubtful=[13, 14]) == 6
+    assert newly(1, 12, 8, judged=False) == 0
+
+
+def test_more_tracks_than_a_motion_has_left_do_not_take_its_place():
+    assert newly(1, 5, 5) == 5
+    assert newly(1, 5, 6) == 0
+    assert newly(1, 3, 2) == 0
+    assert newly(1, 10, 60) == 60  # so many determine it
+
+
+def test_what_a_motion_that_is_bent_does_not_explain_says_nothing():
+    bent = range(4)
+    assert newly(1, 6, 3, doubtful=[*bent, 6, 7]) == 3
+    assert newly(1, 8, 3, doubtful=[*bent, 8, 9]) == 1
+
+
+def test_most_tracks_are_the_static_scene():
+    assert newly(0, 3, 30) == 30
+    assert newly(0, 0, 30) == 30
 
 
 def test_doubtful_tracks_do_not_bend_a_motion_unless_they_are_most_of_it():

@@ -253,7 +253,7 @@ def test_a_stream_sees_through_its_lens():
 class Confirming:
     """A stream of two motions, and of a candidate that is to get a number."""
 
-    def __init__(self, before, n_motions=None):
+    def __init__(self, before, n_motions=None, explained=True):
         self.stream = MotionStream(n_motions, np.random.RandomState(0))
         self.stream.frame, self.stream.size = 5, SIZE
         self.stream.motions = [
@@ -267,6 +267,7 @@ class Confirming:
         rng = np.random.default_rng(0)
         buffer.push(rng.uniform(0, 100, size=(30, 2)), np.arange(30))
         buffer.follow(np.repeat([0, 1 if before != 1 else 0, before], 10))
+        buffer.hold(np.full(30, explained))
         labels = buffer.labels.copy()
         labels[20:] = -7
         buffer.follow(labels)
@@ -302,6 +303,44 @@ def test_a_candidate_that_has_all_tracks_of_a_motion_gets_its_number():
     # What had it before is of no number, and ends.
     assert [m.number for m in confirming.stream.motions] == [0, -2, 1]
     assert_array_equal(confirming.stream.labels(), np.repeat([0, 0, 1], 10))
+
+
+def test_a_candidate_that_takes_the_place_of_a_motion_gets_a_new_number():
+    # Its tracks followed the motion, which never explained them.
+    confirming = Confirming(before=1, explained=False)
+    confirming.stream.motions[1].unseen = 1
+    assert confirming.confirm() == (None, [("new", "motion 2 is new")])
+    assert confirming.candidate.source == -1
+
+
+@pytest.mark.parametrize(
+    ("own", "elsewhere", "number"), [(4, 3, 1), (4, 5, 2), (2, 0, 2)]
+)
+def test_a_candidate_is_what_has_explained_most_of_its_tracks_before(
+    own, elsewhere, number
+):
+    confirming = Confirming(before=-1)
+    confirming.stream.motions[1].unseen = 1
+    known = confirming.stream.buffer.known
+    known[10:20], known[20 : 20 + own] = -1, 1
+    known[10 : 10 + elsewhere] = 1
+    confirming.confirm()
+    assert confirming.candidate.number == number
+
+
+def test_a_motion_goes_on_as_any_that_is_seen_after_it(monkeypatch):
+    # So one that explains both says nothing.
+    monkeypatch.setattr(
+        "skmotionseg._core.stream.stream.joint_motions",
+        lambda window, scale, pairs: [("both", -1.0, 0.0) for _ in pairs],
+    )
+    confirming = Confirming(before=-1)
+    motion, candidate = confirming.stream.motions[1:]
+    window = SimpleNamespace(freedom=np.full(30, 9))
+    joint = confirming.stream._joint
+    assert joint(window, {candidate: motion}) == {candidate: "both"}
+    motion.unseen = 1
+    assert joint(window, {candidate: motion}) == {}
 
 
 def test_a_candidate_that_is_what_its_tracks_followed_is_dropped(monkeypatch):

@@ -30,6 +30,10 @@ class TrackBuffer:
         Label before a candidate took the track.
     former : ndarray of int, shape (n,)
         Another label that the track was shown with until it got its own; -1 for none.
+    held : ndarray of bool, shape (n,)
+        Whether the motion that the track follows has explained it.
+    known : ndarray of int, shape (n,)
+        Number of the last motion that has explained the track; -1 for none.
     outlying : ndarray of bool, shape (n,)
         Whether the track was an outlier when it was last seen.
     doubtful : ndarray of bool, shape (n,)
@@ -45,6 +49,8 @@ class TrackBuffer:
         self.labels = np.empty(0, dtype=np.int64)
         self.before = np.empty(0, dtype=np.int64)
         self.former = np.empty(0, dtype=np.int64)
+        self.held = np.empty(0, dtype=bool)
+        self.known = np.empty(0, dtype=np.int64)
         self.outlying = np.empty(0, dtype=bool)
         self.doubtful = np.empty(0, dtype=bool)
         self.memory = np.empty((0, 0))
@@ -78,6 +84,8 @@ class TrackBuffer:
         self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
         self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
         self.former = _grown(self.former[kept], n_new, UNKNOWN)[order]
+        self.held = _grown(self.held[kept], n_new, False)[order]
+        self.known = _grown(self.known[kept], n_new, UNKNOWN)[order]
         self.outlying = _grown(self.outlying[kept], n_new, False)[order]
         self.doubtful = _grown(self.doubtful[kept], n_new, False)[order]
         self.memory = _grown(self.memory[kept], n_new, 0)[order]
@@ -91,9 +99,16 @@ class TrackBuffer:
 
     def follow(self, labels):
         """Set labels; tracks that go to a candidate keep those of before in mind."""
+        self.held &= self.labels == labels
         self.before, self.labels = self.shown(), labels
         changed = (self.before != self.shown()) & (self.before > UNKNOWN)
         self.former = np.where(changed, self.before, self.former)
+
+    def hold(self, explained):
+        """Note which tracks their motions explain."""
+        self.held |= explained
+        numbered = self.held & (self.labels > UNKNOWN)
+        self.known = np.where(numbered, self.labels, self.known)
 
     def confirm(self, label, number):
         """Show the tracks of a candidate with its number."""
@@ -130,6 +145,7 @@ class TrackBuffer:
             Of the motion, and where it is in the memory.
         """
         self.labels[rows], self.outlying[rows] = label, False
+        self.held[rows] = True
         own = self.memory[rows, column][:, None]
         self.memory[rows] = np.maximum(self.memory[rows] - own, 0)
 

@@ -7,12 +7,16 @@ import numpy as np
 from ..geometry.coverage import Neighbours
 from .births import LEAST_FREEDOM, UNEXPLAINED
 from .buffer import UNKNOWN
+from .window import FEWEST_TRACKS
 
 # Outliers are above so many deviations from their motion, and these times remoteness
 # from their neighbours is above: noise of trackers drifts, so that deviations do not
 # say enough alone. In simulated streams 0.3 % of the tracks and 53 % of the outliers
 # are, by a limit of 4 deviations 0.5 and 57 %; in clips filmed from cars, a seventh.
 OUTLYING, STRANGE = 3.0, 16.0
+# Tracks that a motion has explained before which tell that it is bent, and which
+# determine it whatever else follows it.
+FEWEST_HELD, FIRM = 6, 10
 
 
 def groups_of(buffer, motions):
@@ -35,13 +39,49 @@ def fitted_groups(buffer, motions):
     """Rows of the tracks to which each living motion is fitted.
 
     What follows it only because nothing else explains it does not bend it, as long as
-    half of its tracks are explained.
+    half of its tracks are explained. Tracks that it has never explained do not, either;
+    but they do belong to the static scene, whose place nothing takes.
     """
     found = []
-    for rows in groups_of(buffer, motions):
+    for motion, rows in zip(motions, groups_of(buffer, motions), strict=True):
+        rows = rows if motion.number == 0 else rows[buffer.held[rows]]
         explained = rows[~buffer.doubtful[rows]]
         found.append(explained if 2 * len(explained) >= len(rows) else rows)
     return found
+
+
+def newly_held(buffer, motions, judged):
+    """Tracks that the motion which they follow explains, as far as it can tell.
+
+    What takes the place of a motion that leaves would bend it, and have its number. So
+    one that has few tracks left takes no more new ones at a time than it has. One that
+    no longer explains most of those that it did explain is bent itself, and what it
+    does not explain says nothing; the static scene is where most tracks are, anyway.
+
+    Parameters
+    ----------
+    buffer : TrackBuffer
+    motions : list of LivingMotion
+    judged : ndarray of bool, shape (n,)
+        Tracks in the newest frame that can be judged.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+    """
+    columns = columns_of(buffer.labels, motions)
+    known = judged & (columns >= 0)
+    explained = known & ~buffer.doubtful
+
+    def count(some):
+        return np.bincount(columns[known & some], minlength=len(motions))
+
+    before, still = count(buffer.held), count(buffer.held & explained)
+    scene = np.array([motion.number == 0 for motion in motions])
+    firm = still >= np.clip(count(~buffer.held), FEWEST_TRACKS, FIRM)
+    bent = (before >= FEWEST_HELD) & (2 * still < before)
+    bent |= scene & (still < FEWEST_TRACKS)
+    return known & np.where(firm[columns], explained, bent[columns])
 
 
 def columns_of(labels, motions):

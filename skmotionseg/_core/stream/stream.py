@@ -24,9 +24,10 @@ from .following import (
     columns_of,
     fitted_groups,
     may_join,
+    newly_held,
 )
 from .history import History
-from .identities import Numbers, Trace, going_on
+from .identities import SHARED_PART, SHARED_TRACKS, Numbers, Trace, going_on
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -163,6 +164,7 @@ class MotionStream:
             self.history.add(*gone)
             known = self.history.labels_of(self.buffer.ids[new])
             self.buffer.labels[new] = self.numbers.final(known)
+            self.buffer.known[new] = self.buffer.labels[new]
 
     def _continuity(self, n_seen):
         """Note frames that see nothing, or nothing of before."""
@@ -201,6 +203,7 @@ class MotionStream:
             if fit is not None:
                 number, _ = self._begin(group, fit, static=k == 0)
                 self.buffer.labels[group] = UNKNOWN if number is None else number
+                self.buffer.held[group] = number is not None
         self.buffer.memory = np.zeros((len(self.buffer.ids), len(self.motions)))
         if self.motions:  # also tracks that are too short to find motions by follow one
             window = Window(self.buffer.points, self.buffer.seen, self.camera)
@@ -369,7 +372,7 @@ class MotionStream:
         residuals = measure(window, fits, self.scale, groups=groups)
         columns = columns_of(buffer.labels, self.motions)
         judged = now & (window.freedom >= LEAST_FREEDOM)
-        residuals = residuals.with_noise(columns, judged)
+        residuals = residuals.with_noise(columns, judged & buffer.held)
         shares = self._shares(np.where(judged, columns, UNKNOWN))
         nats = np.where(
             may_join(residuals, columns, self.motions), residuals.nats, np.inf
@@ -384,6 +387,7 @@ class MotionStream:
         outlying = are_outliers(buffer, np.where(now, own, np.nan))
         buffer.outlying = np.where(now, outlying, buffer.outlying)
         buffer.doubtful = np.where(now, are_doubtful(window, own), buffer.doubtful)
+        buffer.hold(newly_held(buffer, self.motions, judged))
         self._follow_noise((own * residuals.noise[chosen])[now])
         return residuals
 
@@ -433,13 +437,14 @@ class MotionStream:
 
     def _compare(self, window, residuals):
         """The larger motion that each is alike to, and the closest to each; or None."""
-        labels, now = self.buffer.labels, self.buffer.seen[:, -1]
+        labels = self.buffer.labels
+        held = self.buffer.seen[:, -1] & self.buffer.held
         sizes = np.array([np.sum(labels == motion.number) for motion in self.motions])
         telling = [self._telling(window, motion) for motion in self.motions]
         found = []
         for k, motion in enumerate(self.motions):
             if not motion.is_candidate:
-                rows = np.flatnonzero(now & (labels == motion.number))
+                rows = np.flatnonzero(held & (labels == motion.number))
                 self.numbers.see(motion.number, self._trace(rows, 1))
             if motion.is_established:
                 self.numbers.proven.add(motion.number)
@@ -476,11 +481,15 @@ class MotionStream:
         return known[0] if known else None
 
     def _joint(self, window, asked):
-        """Joint motions of pairs of motions, by the first, where they explain both."""
+        """Joint motions of pairs of motions, by the first, where they explain both.
+
+        Any motion goes on as another that is seen after it, and not at the same time.
+        """
         pairs = {}
         for motion, other in asked.items():
             rows = self._telling(window, motion)
-            others = fitted_groups(self.buffer, [other])[0] if other else rows[:0]
+            seen = other is not None and not other.unseen
+            others = fitted_groups(self.buffer, [other])[0] if seen else rows[:0]
             if min(len(others), len(rows)) >= FEWEST_TRACKS:
                 pairs[motion] = (other.fit, motion.fit), (others, rows)
         found = joint_motions(window, self.scale, list(pairs.values()))
@@ -512,7 +521,7 @@ class MotionStream:
             self._trace(rows, first=True),
             self.size,
             {other.number for other in self.motions if not other.unseen},
-            _most(self.buffer.before[rows]),
+            self._former(rows),
             self.n_motions,
             self._fading(),
         )
@@ -523,9 +532,22 @@ class MotionStream:
                 other.number = UNKNOWN - 1
         self.buffer.confirm(motion.number, number)
         motion.number, motion.apart = number, 0
-        motion.source = _most(self.buffer.before[rows])
+        motion.source = _most(self.buffer.known[rows])
         events.append(_appeared(self.frame, number, again))
         return None
+
+    def _former(self, rows):
+        """The number of a motion that has explained what some tracks are; or None.
+
+        They are most of those in the newest frame that it has explained.
+        """
+        now, known = self.buffer.seen[:, -1], self.numbers.final(self.buffer.known)
+        own = known[rows][known[rows] > UNKNOWN]
+        if len(own) == 0:
+            return None
+        former = _most(own)
+        shared, of = np.sum(own == former), np.sum(known[now] == former)
+        return former if shared >= max(SHARED_TRACKS, SHARED_PART * of) else None
 
     def _fading(self):
         """Numbers of motions that have lost their tracks."""
@@ -620,7 +642,7 @@ class MotionStream:
         labels = buffer.labels.copy()
         labels[members] = number
         buffer.follow(labels)
-        buffer.outlying[members] = False
+        buffer.outlying[members], buffer.held[members] = False, True
 
 
 def _appeared(frame, number, again):
