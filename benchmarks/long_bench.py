@@ -51,6 +51,7 @@ def long_scene(n_frames, seed):
         outliers=0,
         focal=(0.7, 1.4),
         texture=1,
+        facets=0,
         motion_noise=0,
         random_state=seed,
     )

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 NEAREST = 0.2  # depth below which nothing is seen
@@ -13,6 +14,8 @@ RIDGE = 1e-12  # keeps the inverse depth finite where there is no parallax
 PATCH_SIZES = 0.12, 0.6  # image widths from one patch of texture to the next
 N_WAVES = 8  # that make patches
 N_REDRAWS = 40  # of points that are where no texture is
+MOST_TILTED = np.radians(60)  # flat pieces, about each axis, from facing the camera
+DEPTH_RANGE = 3.0  # of a flat piece: over the depth of its middle, or under
 N_TEXTURE_PROBES = 256  # points that say how much of the view has texture
 
 
@@ -136,6 +139,47 @@ def in_patches(surface, share, camera, rng):
         return points
 
     return patches
+
+
+def in_facets(surface, n_facets, camera, rng):
+    """Static points on flat pieces: walls and boards rather than relief.
+
+    Parameters
+    ----------
+    surface : Surface
+        The middles of the pieces are some of its points.
+    n_facets : int
+        In the view in the middle of the scene.
+    camera : Camera
+    rng : numpy.random.RandomState
+
+    Returns
+    -------
+    Surface
+    """
+    middle = len(camera.positions) // 2
+
+    def local(points):
+        return (points - camera.positions[middle]) @ camera.rotations[middle]
+
+    centres = local(surface(np.full(n_facets, middle), rng))
+    tilts = np.tan(MOST_TILTED * rng.uniform(-1, 1, size=(n_facets, 2)))
+    normals = np.column_stack([tilts, np.ones(n_facets)])
+    offsets = (normals * centres).sum(axis=1)
+    tree = KDTree(centres[:, :2] / centres[:, 2:])
+
+    def facets(frames, rng):
+        points = local(surface(frames, rng))
+        rays = points / points[:, 2:]
+        facet = tree.query(rays[:, :2])[1]
+        towards = (normals[facet] * rays).sum(axis=1)
+        depths = offsets[facet] / np.where(np.abs(towards) < 1e-6, 1e-6, towards)
+        beside = depths / centres[facet, 2]  # a steep piece does not go on for ever
+        hit = (points[:, 2] > 0) & (beside > 1 / DEPTH_RANGE) & (beside < DEPTH_RANGE)
+        points = np.where(hit[:, None], rays * depths[:, None], points)
+        return points @ camera.rotations[middle].T + camera.positions[middle]
+
+    return facets
 
 
 def box(sides, eye=None):

@@ -17,6 +17,7 @@ from ._scene_geometry import (
     blob,
     box,
     direction,
+    in_facets,
     in_patches,
     in_view,
     misfits,
@@ -77,6 +78,7 @@ class _Family(NamedTuple):
     focal: tuple = (0.5, 1.4)  # image widths
     distortion: tuple = (-0.05, 0.01)  # by which the lens moves the image's corners
     texture: tuple = (0.08, 0.5)  # share of what stands still, or all in half of scenes
+    facets: tuple = (4, 40)  # flat pieces of what stands still; none in a quarter
     sizes: tuple = ((640, 480), (720, 576), (854, 480), (1280, 720))
 
 
@@ -549,7 +551,7 @@ _FAMILIES = {
         life=(20, 200),
         gaps=(0.0, 0.15),
     ),
-    "planar": _Family(_planar, (60, 1000), (8, 40), (2, 5), (0.3, 0.8)),
+    "planar": _Family(_planar, (60, 1000), (8, 40), (2, 5), (0.3, 0.8), facets=(0, 0)),
     "rotation": _Family(_rotation, (60, 1500), (8, 40), (2, 5)),
     "articulated": _Family(_articulated, (80, 1500), (12, 50), (3, 5), (0.3, 0.8)),
     "crowd": _Family(
@@ -623,7 +625,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
     *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
-    *("distortion", "texture", "motion_noise"),
+    *("distortion", "texture", "motion_noise", "facets"),
 )
 _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "n_tracks": (1, np.inf),
@@ -637,12 +639,13 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "focal": (0.1, np.inf),
     "distortion": (-0.3, 0.3),
     "texture": (0.01, 1),
+    "facets": (0, 10000),
 }
 _NOISES = ("noise", "drift", "inertia", "spread", "shared", "motion_noise")
 # By random numbers of their own, so that all else is as it was without them.
-_DRAWN_LATE = ("texture", "motion_noise")
-_WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions")
-_LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture")
+_DRAWN_BY = {"texture": 1, "motion_noise": 1, "facets": 2}
+_WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions", "facets")
+_LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture", "facets")
 
 
 def scene_families(n_frames: int | None = None) -> tuple[str, ...]:
@@ -704,9 +707,11 @@ def make_scene(
         frames a point is found in, unordered photographs only), ``gaps`` (share
         of tracks with a gap), ``focal`` (image widths) and ``distortion`` (by
         which the lens moves the corners of the image, as a share of their
-        distance from its middle; negative for barrels) and ``texture`` (share
-        of what stands still and is seen that has tracks, in patches; 1 in every
-        other scene); ``image_size`` is (width, height) in pixels.
+        distance from its middle; negative for barrels), ``texture`` (share of
+        what stands still and is seen that has tracks, in patches; 1 in every
+        other scene) and ``facets`` (number of flat pieces that what stands
+        still consists of; 0: relief, as in a quarter of the scenes);
+        ``image_size`` is (width, height) in pixels.
 
     Returns
     -------
@@ -754,10 +759,13 @@ def make_scene(
     # Of its own, lest all families have as many tracks and motions with one seed.
     streams = rng.randint(2**31 - 1, size=len(SCENE_FAMILIES))
     own = streams[SCENE_FAMILIES.index(family)]
-    rng, late_rng = map(np.random.RandomState, (own, own ^ 1))
-    settings = _draw_settings(family, overrides, rng, late_rng)
+    rngs = [np.random.RandomState(own ^ k) for k in range(3)]
+    settings = _draw_settings(family, overrides, rngs)
+    rng, late_rng, facet_rng = rngs
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
+    if surface is not None and settings.facets:
+        surface = in_facets(surface, settings.facets, camera, facet_rng)
     if surface is not None and settings.texture < 1:
         surface = in_patches(surface, settings.texture, camera, late_rng)
     things, shares = _draw_things(camera, surface, draw, settings, chosen, rng)
@@ -768,7 +776,8 @@ def make_scene(
 # --------------------------------------------------------------------------- assembling
 
 
-def _draw_settings(family, overrides, rng, late_rng):
+def _draw_settings(family, overrides, rngs):
+    rng, late_rng, facet_rng = rngs
     chosen = _FAMILIES[family]
     unknown = set(overrides) - {*_RANGES, "image_size"}
     if unknown:
@@ -782,10 +791,11 @@ def _draw_settings(family, overrides, rng, late_rng):
     settings.image_size = _as_image_size(size)
     for name in _RANGES:
         given = overrides.get(name, getattr(chosen, name))
-        drawn_by = late_rng if name in _DRAWN_LATE else rng
-        settings[name] = _draw_setting(name, given, drawn_by)
+        settings[name] = _draw_setting(name, given, rngs[_DRAWN_BY.get(name, 0)])
     if "texture" not in overrides and late_rng.uniform() < 0.5:
         settings.texture = 1.0
+    if "facets" not in overrides and facet_rng.uniform() < 0.25:
+        settings.facets = 0
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0
     n_inliers = settings.n_tracks - round(settings.outliers * settings.n_tracks)

@@ -165,6 +165,41 @@ def test_every_other_scene_has_texture_everywhere():
     assert 0.08 <= min(shares) <= 0.5
 
 
+def test_what_stands_still_consists_of_flat_pieces():
+    """One flat piece moves by a homography, relief does not."""
+    flat, relief = (
+        make_scene("hand_held", late=0, distortion=0, random_state=2, facets=facets)
+        for facets in (1, 0)
+    )
+    misfit = []
+    for scene in flat, relief:
+        still = places(scene.truth)[scene.target == scene.background]
+        first, last = still[:, 0], still[:, 4]
+        both = np.isfinite(first[:, 0] + last[:, 0])
+        found = homography(first[both], last[both])
+        misfit.append(np.abs(moved_by(found, first[both]) - last[both]).max())
+    assert misfit[0] < 0.01 < 1 < misfit[1]
+
+
+def homography(first, last):
+    """By the direct linear transformation, from coordinates of about one."""
+    x, y = np.column_stack([first / 500, np.ones(len(first))]), last / 500
+    zero = np.zeros_like(x)
+    rows = [np.hstack([x, zero, -y[:, :1] * x]), np.hstack([zero, x, -y[:, 1:] * x])]
+    return np.linalg.svd(np.vstack(rows), full_matrices=False)[2][-1].reshape(3, 3)
+
+
+def moved_by(H, points):
+    moved = np.column_stack([points / 500, np.ones(len(points))]) @ H.T
+    return 500 * moved[:, :2] / moved[:, 2:]
+
+
+def test_most_scenes_have_flat_pieces():
+    pieces = [scene_of("hand_held", k).settings["facets"] for k in range(24)]
+    assert 1 <= sum(number == 0 for number in pieces) <= 12
+    assert set(pieces) - {0} <= set(range(4, 41))
+
+
 @every_family
 def test_most_scenes_have_a_truth(family):
     separations = [scene_of(family, seed).separation for seed in range(10)]
