@@ -3,16 +3,10 @@
 Over-segmentations of scenes are merged down to one group, and the two groups that are
 least apart in each step, which decide on the number of motions, are a sample: apart if
 their tracks, outliers aside, are (mostly) of different motions; one if they are of the
-same motion, or one of them is of outliers. A logistic regression on how much worse one
-rigid motion explains both than two do, the log of the links between them over those
-that chance would give, and how clearly one motion has to place one of them at
-infinity, or behind the camera, gives the constants of
-``skmotionseg._core.partition.rigid_search``. Many pairs are compared in a clip, and one
-that is taken for two by chance makes the number wrong; so the prior is not that of the
-regression, but lets one in 300 such pairs pass.
-All are divided by what makes the coefficient of the links that of today, because the
-search weighs log odds against nats. With ``--data DIR``, the same for pairs of real
-sequences, with the coefficients of the simulated ones, for comparison::
+same motion, or one of them is of outliers. A logistic regression on what says that they
+are different motions (``skmotionseg._core.partition.rigid_search.evidence``) gives the
+constants of that module. With ``--data DIR``, the same for pairs of real sequences,
+with the coefficients of the simulated ones, for comparison::
 
     python -m benchmarks.apartness --scenes 8 --data DIR
 """
@@ -36,8 +30,6 @@ from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
 # A group is of the motion that most of its tracks have, outliers aside, if so many do;
 # and of outliers if fewer than so many are of motions.
 PURE, KNOWN = 0.8, 0.3
-# Share of pairs of one motion that may be taken for two.
-FALSE = 1 / 300
 
 
 def pairs_of(X, target):
@@ -51,8 +43,7 @@ def pairs_of(X, target):
     Returns
     -------
     list of (float, float, float, float, int)
-        Gain, log of links over chance, how clearly one is at infinity, how clearly one
-        is behind the camera, and 1 if the two are apart.
+        The evidence, and 1 if the two are apart.
     """
 
     def descend(found, over_segments, *_):
@@ -72,9 +63,8 @@ def pairs_of(X, target):
             found = one.apart[second.tobytes(), first.tobytes()]
             truth = _truth(mine[first], mine[second])
             if truth is not None:
-                gain = min(found.gain, rigid_search.MOST_GAIN)
-                links = np.log(found.links + rigid_search.FEWEST_LINKS)
-                rows.append((gain, links, found.far, found.behind, truth))
+                known = found.gain, found.links, found.far, found.behind
+                rows.append((*rigid_search.evidence(*known), truth))
     return rows
 
 
@@ -107,10 +97,7 @@ def regression(rows):
     *features, truth = np.array(rows).T
     X = np.column_stack(features)
     model = LogisticRegression(C=100, max_iter=1000).fit(X, truth)
-    coefficients = model.coef_[0]
-    coefficients = coefficients * -rigid_search.LINK_WEIGHT / coefficients[1]
-    false = (X @ coefficients)[truth == 0]
-    return coefficients, -np.quantile(false, 1 - FALSE, method="higher")
+    return model.coef_[0], model.intercept_[0]
 
 
 def print_errors(name, rows, coefficients, prior):

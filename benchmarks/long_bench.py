@@ -53,6 +53,7 @@ def long_scene(n_frames, seed):
         texture=1,
         facets=0,
         motion_noise=0,
+        bending=0,
         random_state=seed,
     )
 

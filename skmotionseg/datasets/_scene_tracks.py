@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+BENDS = 0.5, 2.0  # standard deviations of where a thing's tracks are: alike within
+STEADY = 0.8  # correlation of a step of what bends with the next
 KINDS = ("wander", "jump", "slide", "mismatch")
 
 
@@ -89,16 +91,50 @@ def tracker_noise(
     if drift < 1:
         errors += np.sqrt(1 - drift) * _partly_shared(shape, shared, common, rng)
     if drift > 0:
-        walk = _partly_shared(shape, shared, common, rng)
-        walk[:, 1:] *= np.sqrt(1 - inertia**2)
-        for frame in range(1, shape[1]):
-            walk[:, frame] += inertia * walk[:, frame - 1]
+        walk = _inert(_partly_shared(shape, shared, common, rng), inertia)
         np.cumsum(walk, axis=1, out=walk)
         walk -= walk[np.arange(len(walk)), seen.argmax(axis=1)][:, None]
         errors += np.sqrt(drift) * walk
     level = np.hypot(noise, motion_noise * _steps(points, seen))[:, None, None]
     errors *= level * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
     return errors
+
+
+def bending(points, seen, target, levels, rng):
+    """Errors (n_tracks, n_frames, 2), pixels, because things are not quite rigid.
+
+    What moves by itself seldom is, and tracks slide on it as it turns and gleams: those
+    on one side of it unlike those on the other, by walks that vary smoothly over it and
+    begin where a track does.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels.
+    seen : ndarray of bool, shape (n_tracks, n_frames)
+    target : ndarray of int, shape (n_tracks,)
+    levels : dict of int to float
+        Standard deviation of a coordinate from one frame to the next, pixels, for each
+        label that bends.
+    rng : RandomState
+    """
+    errors = np.zeros(points.shape)
+    first = seen.argmax(axis=1)
+    for label, level in levels.items():
+        own = np.flatnonzero(target == label)
+        places = points[own, first[own]]
+        reach = np.exp(rng.uniform(*np.log(BENDS))) * places.std() if len(own) else 1
+        walk = _inert(_alike(places, max(reach, 1e-9), rng)(points.shape[1]), STEADY)
+        errors[own] = level * walk.cumsum(axis=1)
+    return errors - errors[np.arange(len(errors)), first][:, None]
+
+
+def _inert(steps, inertia):
+    """Steps that are correlated with the one before, of the same variance."""
+    steps[:, 1:] *= np.sqrt(1 - inertia**2)
+    for frame in range(1, steps.shape[1]):
+        steps[:, frame] += inertia * steps[:, frame - 1]
+    return steps
 
 
 def _steps(points, seen):
@@ -116,7 +152,7 @@ def _partly_shared(shape, shared, common, rng):
     return own
 
 
-def _neighbours_draw_alike(points, rng, n_waves=16):
+def _neighbours_draw_alike(points, rng):
     """Draw for all tracks from normal distributions that vary smoothly over the image.
 
     The first place of a track counts; the distance over which draws are alike is
@@ -124,13 +160,17 @@ def _neighbours_draw_alike(points, rng, n_waves=16):
     """
     first = points[:, 0] - points[:, 0].min(axis=0)
     first = first / max(first.max(), 1e-9)
-    reach = np.exp(rng.uniform(np.log(0.06), np.log(0.25)))
-    angles = first @ (rng.standard_normal((2, n_waves)) / reach)
+    return _alike(first, np.exp(rng.uniform(np.log(0.06), np.log(0.25))), rng)
+
+
+def _alike(places, reach, rng, n_waves=16):
+    """Draw for places from normal distributions, alike for those within reach."""
+    angles = places @ (rng.standard_normal((2, n_waves)) / reach)
     basis = np.concatenate([np.cos(angles), np.sin(angles)], axis=1) / np.sqrt(n_waves)
 
     def draw(n_frames):
         weights = rng.standard_normal((2 * n_waves, 2 * n_frames))
-        return (basis @ weights).reshape(len(points), n_frames, 2)
+        return (basis @ weights).reshape(len(places), n_frames, 2)
 
     return draw
 

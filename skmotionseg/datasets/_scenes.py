@@ -28,6 +28,7 @@ from ._scene_geometry import (
     smooth,
 )
 from ._scene_tracks import (
+    bending,
     lifetimes,
     photographs,
     tracker_noise,
@@ -78,6 +79,7 @@ class _Family(NamedTuple):
     focal: tuple = (0.5, 1.4)  # image widths
     distortion: tuple = (-0.05, 0.01)  # by which the lens moves the image's corners
     texture: tuple = (0.08, 0.5)  # share of what stands still, or all in half of scenes
+    bending: tuple = (0.1, 1.0)  # pixels per frame by which what moves is not rigid
     facets: tuple = (4, 40)  # flat pieces of what stands still; none in a quarter
     sizes: tuple = ((640, 480), (720, 576), (854, 480), (1280, 720))
 
@@ -569,6 +571,7 @@ _FAMILIES = {
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         motion_noise=(0.0, 0.0),
+        bending=(0.0, 0.0),
         life=None,
         sizes=((640, 480), (720, 576)),
     ),
@@ -584,6 +587,7 @@ _FAMILIES = {
         drift=(0.0, 0.0),
         shared=(0.0, 0.2),
         motion_noise=(0.0, 0.0),
+        bending=(0.0, 0.0),
         life=None,
         seen=(0.15, 0.4),
         sizes=((1280, 960), (1600, 1200), (3000, 2000)),
@@ -625,7 +629,7 @@ SCENE_FAMILIES = tuple(_FAMILIES)
 _RANGES = (
     *("n_tracks", "n_frames", "n_motions", "background", "outliers", "noise"),
     *("drift", "inertia", "spread", "shared", "late", "life", "seen", "gaps", "focal"),
-    *("distortion", "texture", "motion_noise", "facets"),
+    *("distortion", "texture", "motion_noise", "facets", "bending"),
 )
 _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "n_tracks": (1, np.inf),
@@ -635,6 +639,7 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
     "noise": (0, np.inf),
     "spread": (0, np.inf),
     "motion_noise": (0, np.inf),
+    "bending": (0, np.inf),
     "life": (1, np.inf),
     "focal": (0.1, np.inf),
     "distortion": (-0.3, 0.3),
@@ -643,7 +648,7 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
 }
 _NOISES = ("noise", "drift", "inertia", "spread", "shared", "motion_noise")
 # By random numbers of their own, so that all else is as it was without them.
-_DRAWN_BY = {"texture": 1, "motion_noise": 1, "facets": 2}
+_DRAWN_BY = {"texture": 1, "motion_noise": 1, "facets": 2, "bending": 3}
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions", "facets")
 _LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture", "facets")
 
@@ -710,7 +715,9 @@ def make_scene(
         distance from its middle; negative for barrels), ``texture`` (share of
         what stands still and is seen that has tracks, in patches; 1 in every
         other scene) and ``facets`` (number of flat pieces that what stands
-        still consists of; 0: relief, as in a quarter of the scenes);
+        still consists of; 0: relief, as in a quarter of the scenes) and ``bending``
+        (pixels per frame by which what moves by itself is not rigid, for the thing
+        that bends most; 0 in two images and in photographs);
         ``image_size`` is (width, height) in pixels.
 
     Returns
@@ -759,9 +766,9 @@ def make_scene(
     # Of its own, lest all families have as many tracks and motions with one seed.
     streams = rng.randint(2**31 - 1, size=len(SCENE_FAMILIES))
     own = streams[SCENE_FAMILIES.index(family)]
-    rngs = [np.random.RandomState(own ^ k) for k in range(3)]
+    rngs = [np.random.RandomState(own ^ k) for k in range(4)]
     settings = _draw_settings(family, overrides, rngs)
-    rng, late_rng, facet_rng = rngs
+    rng, late_rng, facet_rng, bend_rng = rngs
     chosen = _FAMILIES[family]
     camera, surface, draw = chosen.build(settings, rng)
     if surface is not None and settings.facets:
@@ -770,14 +777,14 @@ def make_scene(
         surface = in_patches(surface, settings.texture, camera, late_rng)
     things, shares = _draw_things(camera, surface, draw, settings, chosen, rng)
     filmed = camera, things, shares, surface is not None
-    return _film(family, *filmed, settings, chosen, rng)
+    return _film(family, *filmed, settings, chosen, rng, bend_rng)
 
 
 # --------------------------------------------------------------------------- assembling
 
 
 def _draw_settings(family, overrides, rngs):
-    rng, late_rng, facet_rng = rngs
+    rng, late_rng, facet_rng, _ = rngs
     chosen = _FAMILIES[family]
     unknown = set(overrides) - {*_RANGES, "image_size"}
     if unknown:
@@ -1024,7 +1031,9 @@ def _tracks(camera, things, shares, has_background, settings, chosen, rng):
     return points, seen, target
 
 
-def _film(family, camera, things, shares, has_background, settings, chosen, rng):
+def _film(
+    family, camera, things, shares, has_background, settings, chosen, rng, bend_rng
+):
     points, seen, target = _tracks(
         camera, things, shares, has_background, settings, chosen, rng
     )
@@ -1034,6 +1043,12 @@ def _film(family, camera, things, shares, has_background, settings, chosen, rng)
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
     noise = {name: settings[name] for name in _NOISES}
     errors = tracker_noise(points, seen, **noise, rng=rng)
+    levels = {
+        label: settings.bending * bend_rng.uniform(0.2, 1)
+        for label in range(len(things))
+        if label != background
+    }
+    errors += bending(points, seen, target, levels, bend_rng)
     motions = [things[motion].motion for motion in order]
     separations, separation = _separation(
         points + errors, seen, target, motions, camera, rng

@@ -114,6 +114,7 @@ def test_simulated_bodies_with_limbs_are_found_whole():
             background=0.75,
             outliers=0.1,
             facets=0,  # boards that hang before a wall are taken for objects
+            bending=0,
         )
         points, visibility = unpack_tracks(scene.data)
         size, target = tuple(scene.image_size), scene.target

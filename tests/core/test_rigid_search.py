@@ -6,15 +6,18 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
+    FEWEST_LINKS,
     RigidSearch,
     _n_apart,
     calibrated_paths,
+    evidence,
     rigid_partitions,
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
@@ -83,10 +86,39 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     motions = done(search, search.motions(torn))
     pair, least = done(search, search.least_apart(torn, motions))
     assert set(pair) == {0, y.max() + 1}
-    assert least.log_odds < 0
+    assert max(least.log_odds, least.distance) < 0
     motions = done(search, search.motions(y))
     _, whole = done(search, search.least_apart(y, motions))
-    assert whole.log_odds > 2
+    assert whole.log_odds > 1
+    assert whole.distance > 2
+
+
+def test_outliers_in_groups_do_not_link_them(scene):
+    """They may be linked to anything, and belong to no motion."""
+    points, visibility, affinity, y = scene
+    rng = np.random.RandomState(2)
+    wild = np.flatnonzero(rng.random(len(y)) < 0.15)
+    points, affinity = points.copy(), affinity.copy()
+    points[wild] += 15 * rng.standard_normal(points[wild].shape).cumsum(axis=1)
+    affinity[wild] = affinity[:, wild] = 0.5
+    search = RigidSearch(Windows(points, visibility), affinity)
+    search.calibrate(y)
+    pair, found = done(search, search.least_apart(y, done(search, search.motions(y))))
+    groups = [np.flatnonzero(y == k) for k in pair]
+    assert found.links < 0.2 * search._links(*groups)
+    assert found.log_odds > 0
+
+
+def test_evidence_grows_with_all_that_tells_motions_apart():
+    least = evidence(0.0, 1.0, 0.0, 0.0)
+    assert_allclose(evidence(-1.0, 1.0, 0.0, 0.0), least)
+    for k, known in enumerate([(2, 1, 0, 0), (0, 0, 0, 0), (0, 1, 1, 0), (0, 1, 0, 1)]):
+        more = evidence(*known) - least
+        assert more[k] > 0
+        assert_allclose(np.delete(more, k), 0, atol=1e-12)
+    assert_allclose(
+        evidence(1.0, 1 - FEWEST_LINKS, 0.25, 0.5), [np.log(2), 0, 0.5, 0.5]
+    )
 
 
 def before_a_still_camera(rng, n_tracks=120, n_frames=8):

@@ -200,6 +200,29 @@ def test_most_scenes_have_flat_pieces():
     assert set(pieces) - {0} <= set(range(4, 41))
 
 
+def test_what_moves_by_itself_bends():
+    """Its errors grow, and those of its sides differ; what stands still is rigid."""
+    bent, rigid = (
+        make_scene(
+            "street", noise=1e-6, motion_noise=0, bending=bending, random_state=3
+        )
+        for bending in (1, 0)
+    )
+    np.testing.assert_array_equal(bent.truth, rigid.truth)
+    assert_allclose(rigid.data, rigid.truth, atol=1e-4)
+    still = bent.target == bent.background
+    errors = places(bent.data - bent.truth)
+    assert np.nanmax(np.abs(errors[still])) < 1e-4
+    for label in set(range(bent.n_motions)) - {bent.background}:
+        thing = errors[bent.target == label]
+        first = np.isfinite(thing[..., 0]).argmax(axis=1)
+        assert_allclose(thing[np.arange(len(thing)), first], 0, atol=1e-4)
+        steps = np.diff(thing, axis=1)
+        steps = steps[:, np.isfinite(steps[..., 0]).any(axis=0)]
+        assert 0.02 < np.nanstd(steps) < 1.5
+        assert np.nanstd(np.nanmean(steps, axis=0)) < 0.98 * np.nanstd(steps)
+
+
 @every_family
 def test_most_scenes_have_a_truth(family):
     separations = [scene_of(family, seed).separation for seed in range(10)]
@@ -410,6 +433,7 @@ def test_statistics_find_the_noise_that_was_put_in():
                 drift=drift,
                 inertia=0.7,
                 outliers=0,
+                bending=0,
             )
             for noise, drift in ((0.05, 0), (0.5, 1))
         )

@@ -41,18 +41,19 @@ NATS_OF_FOCAL_LENGTH = 0.3
 MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
 NATS_OF_LINKS = 4.0
-# Log odds of two groups being different motions: the log of how much worse one motion
-# is than two, per track of the smaller group; the log of the links between them over
-# those that chance would give; and how clearly one motion has to place one of them at
-# infinity, or behind the camera. By a logistic regression on pairs of groups in
-# simulated scenes (``python -m benchmarks.apartness``), with a prior by which one in
-# 300 of the pairs that are one motion is taken for two.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 1.65, 1.85, 5.0, 10.0, -7.0
+# Log odds of two groups being different motions, for each kind of :func:`evidence`, and
+# without any: what the number of motions is told by. By a logistic regression on pairs
+# of groups in simulated scenes (``python -m benchmarks.apartness``).
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 3.4, 0.86, 5.8, 5.4, -6.2
+# The same for their distance, by which they are merged: what counts there is which of
+# several pairs is one motion rather than whether any is, and links tell that better,
+# those of all tracks.
+MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
-# Log odds by one of two motions below which no joint motion is fitted.
+# Distances by one of two motions below which no joint motion is fitted.
 SURELY_ONE = -4.0
-# Gains above this, in nats per track, say no more.
+# Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
@@ -64,9 +65,9 @@ MOST_COMPARED = 160
 MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
-# Nats per track that a partition must save for each by which two of its motions are
-# likelier one.
-NATS_OF_ODDS = 0.2
+# Nats per track that a partition must save for each by which the distance of two of its
+# motions is below 0.
+NATS_OF_DISTANCE = 0.2
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
@@ -79,12 +80,15 @@ class Apartness(NamedTuple):
     Attributes
     ----------
     log_odds : float
+    distance : float
+        By which the two that are merged are chosen.
     joint : RigidMotion
         The motion that explains both best.
     gain : float
         By how much worse it does than their own two (see ``_gain``).
     links : float
-        The links between them over those that chance would give.
+        The links between the tracks that their motions explain, over those that chance
+        would give.
     far : float
         How clearly the joint motion places one of them at infinity, and one not (see
         :func:`infinitely_far`).
@@ -93,6 +97,7 @@ class Apartness(NamedTuple):
     """
 
     log_odds: float
+    distance: float
     joint: RigidMotion
     gain: float
     links: float
@@ -102,6 +107,10 @@ class Apartness(NamedTuple):
 
 def _log_odds(apartness):
     return apartness.log_odds
+
+
+def _distance(apartness):
+    return apartness.distance
 
 
 class Step(NamedTuple):
@@ -115,7 +124,11 @@ class Step(NamedTuple):
     pair : (int, int) or None
         The two groups that are least apart, the smaller label first.
     log_odds : float
-        Of their being different motions; infinite where there is no pair.
+        Of all groups being different motions: of the two that are likeliest one, and of
+        several partitions into as many, where that is surest. Infinite where there is
+        no pair.
+    distance : float
+        Of the two groups that are least apart.
     """
 
     energy: float
@@ -123,10 +136,16 @@ class Step(NamedTuple):
     motions: list
     pair: tuple[int, int] | None = None
     log_odds: float = np.inf
+    distance: float = np.inf
 
     @property
     def n_motions(self):
         return int(self.labels.max()) + 1
+
+
+def _with_odds_of(step, i, j, least):
+    """A step with the two groups that are least apart, and their :class:`Apartness`."""
+    return step._replace(pair=(j, i), log_odds=least.log_odds, distance=least.distance)
 
 
 class _Pair(NamedTuple):
@@ -316,12 +335,12 @@ class RigidSearch:
 
         A joint motion is fitted to two groups only where neither's own motion shows
         that they are one: at first to the few that are least apart by these, and to all
-        where none of those is one.
+        where none of those is one, by their distance or by their log odds.
 
         Returns
         -------
         (i, j), Apartness
-            ``j < i``.
+            ``j < i``. With the least log odds of any two that were compared.
         """
         groups = groups_of(labels)
         pairs = [
@@ -329,15 +348,16 @@ class RigidSearch:
             for i in range(len(groups))
             for j in range(i)
         ]
-        pairs.sort(key=lambda pair: self._by_own_motions(pair).log_odds)
+        pairs.sort(key=lambda pair: self._by_own_motions(pair).distance)
         some = pairs[:JOINTLY_FITTED]
-        if self._by_own_motions(pairs[0]).log_odds < 0:
+        if self._by_own_motions(pairs[0]).distance < 0:
             some = pairs[:1]
         apart = yield from self._apartnesses(some)
-        if min(apart, key=_log_odds).log_odds > 0:
+        if min(map(_distance, apart)) > 0 or min(map(_log_odds, apart)) > 0:
             some, apart = pairs, (yield from self._apartnesses(pairs))
-        k = min(range(len(some)), key=lambda k: apart[k].log_odds)
-        return (some[k].i, some[k].j), apart[k]
+        k = min(range(len(some)), key=lambda k: apart[k].distance)
+        least = apart[k]._replace(log_odds=min(map(_log_odds, apart)))
+        return (some[k].i, some[k].j), least
 
     def descent(self, labels, fewest):
         """Merge the two groups that are least apart, again and again.
@@ -357,7 +377,8 @@ class RigidSearch:
         steps = []
         while labels.max() + 1 > fewest:
             (i, j), least = yield from self.least_apart(labels, motions)
-            steps.append(Step(energy, labels, motions, (j, i), least.log_odds))
+            step = Step(energy, labels, motions)
+            steps.append(_with_odds_of(step, i, j, least))
             motions = [*motions]
             motions[j] = least.joint
             del motions[i]
@@ -468,7 +489,7 @@ class RigidSearch:
     def _compared(self, pair):
         """The :class:`Apartness` of two groups, all motions fitted to more tracks."""
         best = self._by_own_motions(pair)
-        if best.log_odds <= SURELY_ONE:
+        if best.distance <= SURELY_ONE:
             return best
         own = yield [
             FitRequest(group, (motion,), MOST_COMPARED)
@@ -478,7 +499,7 @@ class RigidSearch:
         both = np.union1d(*pair.groups)
         joint = yield [FitRequest(both, pair.motions, MOST_COMPARED)]
         best = self._apartness_by(pair, [*own, *joint])
-        if best.log_odds > 0:
+        if best.log_odds > 0 or best.distance > 0:
             anew = yield [FitRequest(both, most_tracks=MOST_COMPARED)]
             best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
@@ -486,19 +507,24 @@ class RigidSearch:
     def _apartness_by(self, pair, joints, told=True):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
         gain, joint = self._gain(pair.groups, pair.motions, joints)
-        links = self._links(*pair.groups)
+        links = self._links(*map(self._telling, pair.groups, pair.motions))
         far = hidden = 0.0
         if told:
             placed = self._placed(pair, joint)
             far, hidden = infinitely_far(*placed), behind(*placed)
-        log_odds = (
-            GAIN_WEIGHT * min(gain, MOST_GAIN)
-            - LINK_WEIGHT * np.log(links + FEWEST_LINKS)
-            + FAR_WEIGHT * far
-            + BEHIND_WEIGHT * hidden
-            + PRIOR
+        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
+        log_odds = weights @ evidence(gain, links, far, hidden) + PRIOR
+        few = -np.log(self._links(*pair.groups) + FEWEST_LINKS)
+        distance = MERGING_WEIGHTS @ np.array([min(gain, MOST_GAIN), few, far, hidden])
+        return Apartness(
+            float(log_odds),
+            float(distance + MERGING_PRIOR),
+            joint,
+            float(gain),
+            links,
+            far,
+            hidden,
         )
-        return Apartness(float(log_odds), joint, float(gain), links, far, hidden)
 
     def _placed(self, pair, joint):
         """Inverse depths of the inliers of two groups by a joint motion, and errors."""
@@ -506,6 +532,11 @@ class RigidSearch:
         placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
         depths, errors = zip(*placed, strict=True)
         return depths, [error * self.scale for error in errors]
+
+    def _telling(self, group, motion):
+        """The tracks of a group whose links say something: outliers link anything."""
+        explained = self._explained(group, motion)
+        return explained if len(explained) >= FEWEST_TRACKS else group
 
     def _explained(self, group, motion):
         """The tracks of a group that its motion explains."""
@@ -546,6 +577,20 @@ class RigidSearch:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
+def evidence(gain, links, far, hidden):
+    """What says that two groups are different motions: what :class:`Apartness` has.
+
+    Returns
+    -------
+    ndarray of shape (4,)
+        The logarithm of one plus the gain, minus that of the links, the square root of
+        how clearly one of them is at infinity, and how clearly one is behind the
+        camera: log odds are a sum of these, each with its weight.
+    """
+    few = -np.log(links + FEWEST_LINKS)
+    return np.array([np.log1p(max(gain, 0.0)), few, np.sqrt(far), hidden])
+
+
 def _links_of(affinity):
     """An affinity without its diagonal, as a sparse matrix."""
     return csr_array(affinity - np.diag(np.diagonal(affinity)))
@@ -578,7 +623,11 @@ class RigidPartitions(NamedTuple):
 
 
 def rigid_partitions(search, over_segments, counts, candidates, bisect):
-    """Partitions of least energy, and how many motions are surely apart.
+    """Partitions of least energy, and how many motions there are.
+
+    The number of motions is the largest of which a partition is found whose motions
+    are all likelier different than one; its partition is the best of so many, as if
+    the number had been given.
 
     Parameters
     ----------
@@ -595,8 +644,7 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     Returns
     -------
     RigidPartitions or None
-        None where no partition has as many motions as there must be. Of several
-        numbers the largest is chosen whose motions are all more likely apart than one.
+        None where no partition has as many motions as there must be.
     """
     fewest, most = int(counts[0]), int(counts[-1])
     bisect = _once_per_group(bisect)
@@ -608,11 +656,12 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
             steps[n] = step
     chosen = max(_n_apart(path, fewest, most) for path in paths)
     while True:
-        (found,) = search.run(_of_number(search, chosen, paths, candidates, bisect))
+        starts = _of_number(search, chosen, paths, candidates, bisect)
+        (found,) = search.run(_best_improved(search, starts, bisect))
         if found is None:
             return None
-        (steps[chosen],) = search.run(_improved(search, found, bisect))
-        if chosen == fewest or steps[chosen].log_odds > 0:
+        steps[chosen] = found
+        if chosen == fewest or found.log_odds > 0:
             break
         chosen -= 1
     while chosen < most:
@@ -620,7 +669,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         if grown is None or grown.log_odds <= 0:
             break
         chosen += 1
-        steps[chosen] = grown
+        starts = _of_number(search, chosen, paths, candidates, bisect)
+        (steps[chosen],) = search.run(_best_improved(search, starts, bisect, [grown]))
     return RigidPartitions(steps, chosen)
 
 
@@ -663,8 +713,8 @@ def _n_motions(step):
 
 
 def rank(step):
-    """What a partition costs: nats per track, more if two motions are likely one."""
-    return step.energy / len(step.labels) - NATS_OF_ODDS * min(step.log_odds, 0.0)
+    """What a partition costs: nats per track, more if two motions are hardly apart."""
+    return step.energy / len(step.labels) - NATS_OF_DISTANCE * min(step.distance, 0.0)
 
 
 def _n_apart(path, fewest, most):
@@ -687,7 +737,7 @@ def _once_per_group(bisect):
 
 
 def _of_number(search, n_motions, paths, candidates, bisect):
-    """The best partition into so many motions, from several starts."""
+    """Searches for partitions into so many motions, from several starts."""
     settled = [
         search.settled(step.labels, step.motions, ROUNDS)
         for path in paths
@@ -696,14 +746,29 @@ def _of_number(search, n_motions, paths, candidates, bisect):
     ]
     settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
     searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
-    searches += [_apart_and_split(search, path, n_motions, bisect) for path in paths]
-    return _best(searches)
+    return searches + [
+        _apart_and_split(search, path, n_motions, bisect) for path in paths
+    ]
 
 
-def _best(searches):
-    """The best of the steps that are found."""
+def _best_improved(search, searches, bisect, others=()):
+    """The best of some steps and those that are found, improved."""
+    best = yield from _best(searches, others)
+    if best is None:
+        return None
+    return _surest([best, (yield from _improved(search, best, bisect))])
+
+
+def _best(searches, others=()):
+    """The best of some steps and those that are found; None if there are none."""
     found = yield from side_by_side(searches)
-    return min((each for each in found if each is not None), key=rank, default=None)
+    steps = [*others, *(each for each in found if each is not None)]
+    return _surest(steps) if steps else None
+
+
+def _surest(steps):
+    """The best of some steps, with the highest log odds of any."""
+    return min(steps, key=rank)._replace(log_odds=max(map(_log_odds, steps)))
 
 
 def _step_of(search, settled, accepted):
@@ -736,7 +801,7 @@ def _merged(search, labels, best):
     """The step at the end of a descent to as many motions, if it may be better."""
     step = (yield from search.descent(labels, best.n_motions))[-1]
     if step.n_motions == best.n_motions and (
-        step.energy < best.energy or best.log_odds < 0
+        step.energy < best.energy or best.distance < 0
     ):
         return (yield from with_odds(search, step))
     return None
@@ -761,4 +826,4 @@ def with_odds(search, step):
     if step.n_motions == 1:
         return step
     (i, j), least = yield from search.least_apart(step.labels, step.motions)
-    return step._replace(pair=(j, i), log_odds=least.log_odds)
+    return _with_odds_of(step, i, j, least)
