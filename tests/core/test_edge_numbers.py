@@ -303,11 +303,6 @@ def test_motions_are_told_apart_by_any_camera(camera, shapes, selection):
     assert misclassification_error(y, labels) < 0.05
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="in simulated and real clips, groups that share no link and gain a little "
-    "from being apart are more often two: the log odds cannot tell these from those",
-)
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2))]
 )

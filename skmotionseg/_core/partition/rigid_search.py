@@ -515,10 +515,13 @@ class RigidSearch:
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
         log_odds = weights @ evidence(gain, links, far, hidden) + PRIOR
         few = -np.log(self._links(*pair.groups) + FEWEST_LINKS)
-        distance = MERGING_WEIGHTS @ np.array([min(gain, MOST_GAIN), few, far, hidden])
+        known = np.array([min(gain, MOST_GAIN), few, far, hidden])
+        distance = MERGING_WEIGHTS @ known + MERGING_PRIOR
+        if not self._seen_together(*pair.groups):
+            log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
             float(log_odds),
-            float(distance + MERGING_PRIOR),
+            float(distance),
             joint,
             float(gain),
             links,
@@ -532,6 +535,11 @@ class RigidSearch:
         placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
         depths, errors = zip(*placed, strict=True)
         return depths, [error * self.scale for error in errors]
+
+    def _seen_together(self, first, second):
+        """Whether some tracks of two groups can be compared in a window."""
+        told = self.windows.freedom > 0
+        return bool((told[first].any(axis=0) & told[second].any(axis=0)).any())
 
     def _telling(self, group, motion):
         """The tracks of a group whose links say something: outliers link anything."""
