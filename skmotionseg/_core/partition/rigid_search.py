@@ -47,7 +47,7 @@ NATS_OF_LINKS = 4.0
 GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 3.4, 0.86, 5.8, 5.4, -6.2
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
-# those of all tracks.
+# those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
 MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
@@ -513,10 +513,10 @@ class RigidSearch:
             placed = self._placed(pair, joint)
             far, hidden = infinitely_far(*placed), behind(*placed)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
-        log_odds = weights @ evidence(gain, links, far, hidden) + PRIOR
+        log_odds = np.dot(weights, evidence(gain, links, far, hidden)) + PRIOR
         few = -np.log(self._links(*pair.groups) + FEWEST_LINKS)
-        known = np.array([min(gain, MOST_GAIN), few, far, hidden])
-        distance = MERGING_WEIGHTS @ known + MERGING_PRIOR
+        known = min(gain, MOST_GAIN), few, far, hidden
+        distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
         if not self._seen_together(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
@@ -712,8 +712,11 @@ def _descents(search, over_segments):
 
 
 def _last_apart(path):
-    """The step of a path with the most groups that are all apart; else its last."""
-    return next((step for step in path if step.log_odds > 0), path[-1])
+    """The step of a path with the most groups that are all apart; else its last.
+
+    By their distance, which rather leaves a motion in parts than mixes two.
+    """
+    return next((step for step in path if step.distance > 0), path[-1])
 
 
 def _n_motions(step):
