@@ -634,8 +634,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     """Partitions of least energy, and how many motions there are.
 
     The number of motions is the largest of which a partition is found whose motions
-    are all likelier different than one; its partition is the best of so many, as if
-    the number had been given.
+    are all likelier different than one; its partition is the best of so many that are
+    met, as if the number had been given.
 
     Parameters
     ----------
