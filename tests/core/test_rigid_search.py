@@ -15,7 +15,9 @@ from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
     RigidSearch,
+    Step,
     _n_apart,
+    _surest,
     calibrated_paths,
     evidence,
     rigid_partitions,
@@ -277,6 +279,19 @@ def test_a_focal_length_that_is_given_is_kept(scene):
 def test_the_largest_number_that_is_apart_is_taken(odds, fewest, most, expected):
     path = [SimpleNamespace(n_motions=n, log_odds=odds[n]) for n in odds]
     assert _n_apart(path, fewest, most) == expected
+
+
+def test_a_number_is_as_sure_as_in_the_surest_partition():
+    """The partition of least cost is returned, whichever confirms the number."""
+    labels = np.array([0, 0, 1, 1])
+    cheap = Step(10.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
+    sure = Step(20.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
+    for steps in ([cheap, sure], [sure, cheap]):
+        best = _surest(steps)
+        assert (best.energy, best.log_odds) == (10.0, 2.0)
+        np.testing.assert_array_equal(best.labels, labels)
+    hardly_apart = cheap._replace(distance=-100.0)
+    np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
 
 
 def test_links_are_compared_with_chance(scene):
