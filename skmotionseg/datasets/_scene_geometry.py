@@ -100,6 +100,11 @@ def in_view(camera, depth_of):
     return surface
 
 
+def _before(camera, frame, points):
+    """Points of the world in the axes of a camera in one frame."""
+    return (points - camera.positions[frame]) @ camera.rotations[frame]
+
+
 def in_patches(surface, share, camera, rng):
     """Static points of which only patches of the world have any.
 
@@ -118,8 +123,9 @@ def in_patches(surface, share, camera, rng):
     """
     middle = len(camera.positions) // 2
     probes = surface(np.full(N_TEXTURE_PROBES, middle), rng)
-    local = (probes - camera.positions[middle]) @ camera.rotations[middle]
-    width = np.median(local[:, 2]) * camera.size[0] / camera.focal
+    width = (
+        np.median(_before(camera, middle, probes)[:, 2]) * camera.size[0] / camera.focal
+    )
     period = width * np.exp(rng.uniform(*np.log(PATCH_SIZES)))
     waves = 2 * np.pi / period * rng.standard_normal((3, N_WAVES)) / np.sqrt(3)
     phases = rng.uniform(0, 2 * np.pi, N_WAVES)
@@ -158,18 +164,14 @@ def in_facets(surface, n_facets, camera, rng):
     Surface
     """
     middle = len(camera.positions) // 2
-
-    def local(points):
-        return (points - camera.positions[middle]) @ camera.rotations[middle]
-
-    centres = local(surface(np.full(n_facets, middle), rng))
+    centres = _before(camera, middle, surface(np.full(n_facets, middle), rng))
     tilts = np.tan(MOST_TILTED * rng.uniform(-1, 1, size=(n_facets, 2)))
     normals = np.column_stack([tilts, np.ones(n_facets)])
     offsets = (normals * centres).sum(axis=1)
     tree = KDTree(centres[:, :2] / centres[:, 2:])
 
     def facets(frames, rng):
-        points = local(surface(frames, rng))
+        points = _before(camera, middle, surface(frames, rng))
         rays = points / points[:, 2:]
         facet = tree.query(rays[:, :2])[1]
         towards = (normals[facet] * rays).sum(axis=1)

@@ -92,9 +92,7 @@ def tracker_noise(
         errors += np.sqrt(1 - drift) * _partly_shared(shape, shared, common, rng)
     if drift > 0:
         walk = _inert(_partly_shared(shape, shared, common, rng), inertia)
-        np.cumsum(walk, axis=1, out=walk)
-        walk -= walk[np.arange(len(walk)), seen.argmax(axis=1)][:, None]
-        errors += np.sqrt(drift) * walk
+        errors += np.sqrt(drift) * _begun_at(seen.argmax(axis=1), walk.cumsum(axis=1))
     level = np.hypot(noise, motion_noise * _steps(points, seen))[:, None, None]
     errors *= level * np.exp(spread * rng.standard_normal((shape[0], 1, 1)))
     return errors
@@ -126,7 +124,12 @@ def bending(points, seen, target, levels, rng):
         reach = np.exp(rng.uniform(*np.log(BENDS))) * places.std() if len(own) else 1
         walk = _inert(_alike(places, max(reach, 1e-9), rng)(points.shape[1]), STEADY)
         errors[own] = level * walk.cumsum(axis=1)
-    return errors - errors[np.arange(len(errors)), first][:, None]
+    return _begun_at(first, errors)
+
+
+def _begun_at(first, walks):
+    """Walks that are 0 in some frame each."""
+    return walks - walks[np.arange(len(walks)), first][:, None]
 
 
 def _inert(steps, inertia):
@@ -210,9 +213,7 @@ def wrong_tracks(points, seen, others, shares, size, rng):
     # Some hold on to the thing they were found on, some do not.
     holds = rng.uniform(size=(n_tracks, 1, 1)) < 0.5
     walk = (log_uniform(0.002, 0.02) * width) * rng.standard_normal(points.shape)
-    walk = walk.cumsum(axis=1)
-    walk -= walk[np.arange(n_tracks), first][:, None]
-    wander = np.where(holds, points, places) + walk
+    wander = np.where(holds, points, places) + _begun_at(first, walk.cumsum(axis=1))
 
     length = np.maximum(seen.sum(axis=1), 2)
     turn = first + 1 + (rng.uniform(size=n_tracks) * (length - 1)).astype(int)

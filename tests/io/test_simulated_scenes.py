@@ -7,6 +7,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from helpers.textbook import fit_homography
 from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks import scene_statistics, scenes_bench
@@ -176,17 +177,9 @@ def test_what_stands_still_consists_of_flat_pieces():
         still = places(scene.truth)[scene.target == scene.background]
         first, last = still[:, 0], still[:, 4]
         both = np.isfinite(first[:, 0] + last[:, 0])
-        found = homography(first[both], last[both])
+        found = fit_homography(first[both] / 500, last[both] / 500)
         misfit.append(np.abs(moved_by(found, first[both]) - last[both]).max())
     assert misfit[0] < 0.01 < 1 < misfit[1]
-
-
-def homography(first, last):
-    """By the direct linear transformation, from coordinates of about one."""
-    x, y = np.column_stack([first / 500, np.ones(len(first))]), last / 500
-    zero = np.zeros_like(x)
-    rows = [np.hstack([x, zero, -y[:, :1] * x]), np.hstack([zero, x, -y[:, 1:] * x])]
-    return np.linalg.svd(np.vstack(rows), full_matrices=False)[2][-1].reshape(3, 3)
 
 
 def moved_by(H, points):

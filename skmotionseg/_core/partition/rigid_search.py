@@ -507,14 +507,15 @@ class RigidSearch:
     def _apartness_by(self, pair, joints, told=True):
         """The :class:`Apartness` of two groups for the best of some joint motions."""
         gain, joint = self._gain(pair.groups, pair.motions, joints)
-        links = self._links(*map(self._telling, pair.groups, pair.motions))
+        explained = list(map(self._explained, pair.groups, pair.motions))
+        links = self._links(*map(_telling, explained, pair.groups))
         far = hidden = 0.0
         if told:
-            placed = self._placed(pair, joint)
+            placed = self._placed(explained, joint)
             far, hidden = infinitely_far(*placed), behind(*placed)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
         log_odds = np.dot(weights, evidence(gain, links, far, hidden)) + PRIOR
-        few = -np.log(self._links(*pair.groups) + FEWEST_LINKS)
+        few = _fewness(self._links(*pair.groups))
         known = min(gain, MOST_GAIN), few, far, hidden
         distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
         if not self._seen_together(*pair.groups):
@@ -529,22 +530,17 @@ class RigidSearch:
             hidden,
         )
 
-    def _placed(self, pair, joint):
+    def _placed(self, inliers, joint):
         """Inverse depths of the inliers of two groups by a joint motion, and errors."""
-        inliers = map(self._explained, pair.groups, pair.motions)
         placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
         depths, errors = zip(*placed, strict=True)
         return depths, [error * self.scale for error in errors]
 
     def _seen_together(self, first, second):
         """Whether some tracks of two groups can be compared in a window."""
-        told = self.windows.freedom > 0
-        return bool((told[first].any(axis=0) & told[second].any(axis=0)).any())
-
-    def _telling(self, group, motion):
-        """The tracks of a group whose links say something: outliers link anything."""
-        explained = self._explained(group, motion)
-        return explained if len(explained) >= FEWEST_TRACKS else group
+        freedom = self.windows.freedom
+        one, other = ((freedom[group] > 0).any(axis=0) for group in (first, second))
+        return bool((one & other).any())
 
     def _explained(self, group, motion):
         """The tracks of a group that its motion explains."""
@@ -595,8 +591,17 @@ def evidence(gain, links, far, hidden):
         how clearly one of them is at infinity, and how clearly one is behind the
         camera: log odds are a sum of these, each with its weight.
     """
-    few = -np.log(links + FEWEST_LINKS)
-    return np.array([np.log1p(max(gain, 0.0)), few, np.sqrt(far), hidden])
+    return np.array([np.log1p(max(gain, 0.0)), _fewness(links), np.sqrt(far), hidden])
+
+
+def _fewness(links):
+    """Minus the logarithm of links over chance, which are not told apart near none."""
+    return -np.log(links + FEWEST_LINKS)
+
+
+def _telling(explained, group):
+    """The tracks of a group whose links say something: outliers link anything."""
+    return explained if len(explained) >= FEWEST_TRACKS else group
 
 
 def _links_of(affinity):

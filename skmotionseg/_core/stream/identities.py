@@ -151,8 +151,13 @@ def going_on(shared, living):
     return {
         int(k): living[j]
         for k, j in zip(rows, columns, strict=True)
-        if shared[k, j] >= max(SHARED_TRACKS, SHARED_PART * known[k, j])
+        if enough_shared(shared[k, j], known[k, j])
     }
+
+
+def enough_shared(shared, of):
+    """Whether a motion goes on by tracks that are shared, of so many that could be."""
+    return shared >= max(SHARED_TRACKS, SHARED_PART * of)
 
 
 class Numbers:

@@ -27,7 +27,7 @@ from .following import (
     newly_held,
 )
 from .history import History
-from .identities import SHARED_PART, SHARED_TRACKS, Numbers, Trace, going_on
+from .identities import Numbers, Trace, enough_shared, going_on
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -547,7 +547,7 @@ class MotionStream:
             return None
         former = _most(own)
         shared, of = np.sum(own == former), np.sum(known[now] == former)
-        return former if shared >= max(SHARED_TRACKS, SHARED_PART * of) else None
+        return former if enough_shared(shared, of) else None
 
     def _fading(self):
         """Numbers of motions that have lost their tracks."""
