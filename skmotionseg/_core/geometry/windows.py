@@ -94,6 +94,8 @@ class Windows:
     focal_length : float
         As a share of the larger side of what the tracks cover. The principal point is
         taken to be its middle.
+    frames : ndarray of int, shape (n_windows, n_frames_per_window), optional
+        By default as of :func:`window_frames`.
 
     Attributes
     ----------
@@ -110,8 +112,8 @@ class Windows:
         Pixels, in a video 640 pixels wide, per calibrated unit.
     """
 
-    def __init__(self, points, visibility, focal_length=1.0):
-        self.frames = window_frames(visibility)
+    def __init__(self, points, visibility, focal_length=1.0, frames=None):
+        self.frames = window_frames(visibility) if frames is None else frames
         some = points[visibility]
         low, high = (
             (some.min(axis=0), some.max(axis=0)) if len(some) else np.zeros((2, 2))
@@ -455,3 +457,29 @@ def window_frames(visibility):
     n_windows = max(1, int(np.ceil(n_frames / span - 1 / 3)))
     starts = np.linspace(0, n_frames - span, n_windows).round().astype(int)
     return np.unique(starts)[:, None] + stride * np.arange(n)
+
+
+def spread_window_frames(visibility):
+    """Frames of each window, which in a short clip reaches from its begin to its end.
+
+    What moves slowly is apart from the static scene by more, the longer it is watched.
+    Two windows, one a frame later, see the frames of a clip that is too short for
+    frames that are :data:`WINDOW_STRIDE` apart.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    ndarray of int, shape (n_windows, n_frames_per_window)
+        As of :func:`window_frames` in longer clips, and where the usual track is seen
+        in less than half of the frames.
+    """
+    n_frames = visibility.shape[1]
+    lifetime = np.median(visibility.sum(axis=1))
+    is_short = WINDOW_FRAMES < n_frames <= WINDOW_STRIDE * (WINDOW_FRAMES - 1)
+    if not is_short or 2 * lifetime < n_frames:
+        return window_frames(visibility)
+    first = np.linspace(0, n_frames - 2, WINDOW_FRAMES).round().astype(int)
+    return np.stack([first, first + 1])

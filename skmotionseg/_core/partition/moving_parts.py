@@ -21,7 +21,13 @@ from scipy.sparse.csgraph import (
 )
 from scipy.spatial import Delaunay, KDTree, QhullError
 
-from ..geometry.windows import FEWEST_TRACKS, LEAST_NOISE, REFERENCE_WIDTH, Windows
+from ..geometry.windows import (
+    FEWEST_TRACKS,
+    LEAST_NOISE,
+    REFERENCE_WIDTH,
+    Windows,
+    spread_window_frames,
+)
 from .static_scene import fit_static_scene, view_of
 
 # Log odds of moving: per e-fold of a residual, and of a step of depth, in deviations,
@@ -31,6 +37,10 @@ LEAST_ODDS, MOST_BY_RESIDUAL, MOST_BY_STEP, MOST_ODDS = -2.0, 4.0, 3.0, 6.0
 # Log odds by a label that is not the background's: less than two windows at rest say.
 # Where labels part the scene, they do not count.
 ODDS_OF_LABEL = 0.7
+# Log odds that the motion of a label is not the scene's: constant, per e-fold of the
+# scene's residuals over its own, and over the noise, both medians over its tracks. By
+# regression on motions of partitions of simulated scenes.
+ODDS_OF_MOTION = (-2.84, 2.4, 1.57)
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
 # Correlation of what two windows tell of a track: its patch stays with it.
@@ -58,6 +68,8 @@ WHOLE = 0.8
 MOST = 0.5
 # A part that encloses another has so many times its tracks.
 ENCLOSING = 5.0
+# Pairs of neighbours by which what bends touches a rigid part.
+LEAST_TOUCHING = 3
 # Regions are taken apart so many times at most.
 MOST_DEPTH = 6
 # Tracks around one that tell its movement, by residuals so many times smaller: those of
@@ -91,7 +103,7 @@ def moving_parts(points, visibility, labels, background, size):
     """
     if points.shape[1] < 3 or visibility.shape[0] < LEAST_TRACKS:
         return None
-    windows = Windows(points, visibility)
+    windows = Windows(points, visibility, frames=spread_window_frames(visibility))
     groups = [np.flatnonzero(labels == k) for k in np.unique(labels[labels >= 0])]
     scene = fit_static_scene(windows, size, groups)
     if not scene.members.any():
@@ -99,12 +111,17 @@ def moving_parts(points, visibility, labels, background, size):
     noise = relative_noise(points, visibility, scene.members.any(axis=1))
     scene = scene._replace(noise=scene.noise * noise[:, None])
     graph = track_graph(points, visibility, REFERENCE_WIDTH / max(size))
-    odds = moving_odds(scene)
-    odds += ODDS_OF_LABEL * ((labels >= 0) & (labels != background))
-    links = LINK * np.maximum(np.exp(-graph.apart / LINK_SCALE), LEAST_LINK)
-    moving = least_cut(odds, graph.pairs, links)
+    parts = _Parts(windows, scene, graph.pairs)
     motions = np.where(labels == background, -1, labels)
-    return _Parts(windows, scene, graph.pairs).of(moving, motions)
+    odds, sure = moving_odds(scene), []
+    for motion in np.unique(motions[motions >= 0]):
+        own = np.flatnonzero(motions == motion)
+        by_motion = parts.odds_of_motion(own)
+        odds[own] += np.clip(by_motion, ODDS_OF_LABEL, -LEAST_ODDS)
+        if by_motion > 0:
+            sure.append(motion)
+    links = LINK * np.maximum(np.exp(-graph.apart / LINK_SCALE), LEAST_LINK)
+    return parts.of(least_cut(odds, graph.pairs, links), motions, sure)
 
 
 def moving_odds(scene):
@@ -294,28 +311,66 @@ class _Parts:
             for squares in (scene.deviations**2 + over**2, scene.noise**2)
         )
 
-    def of(self, moving, motions):
+    def odds_of_motion(self, tracks):
+        """Log odds that the motion of some tracks is not the scene's.
+
+        One track is nearer to a motion of its own by chance; most of many are not.
+        """
+        own, scene = self._own(tracks, smooth=False), self._scene[tracks]
+        known = np.isfinite(own) & (scene > 0)
+        if known.sum() < LEAST_TRACKS:
+            return -np.inf
+        ratios = scene / np.maximum(own, LEAST_NOISE), scene / self._noise[tracks]
+        usual = [np.median(np.log(ratio[known])) for ratio in ratios]
+        return float(np.dot(ODDS_OF_MOTION, [1, *usual]))
+
+    def of(self, moving, motions, sure=()):
         """Parts (n,) of moving tracks: 0, 1, ...; -1 for none.
 
-        Rigid motions whose tracks move, as most do, are looked at first.
+        Rigid motions whose tracks move, as most do, are looked at first; those in
+        ``sure`` are known not to be the scene's.
         """
         known: list[np.ndarray] = []
         for motion in np.unique(motions[motions >= 0]):
             own = motions == motion
             if moving[own].mean() > MOST:
-                known += map(self._moved, self._regions(moving & own))
+                regions = self._regions(moving & own)
+                known += regions if motion in sure else map(self._moved, regions)
         left = moving.copy()
         for part in known:
             left[part] = False
         parts, rest = self._rigid_parts(left)
         parts += [part for part in known if len(part)]
-        for region in self._regions(rest):
-            if self._goes_together(region).mean() >= MOST:
-                parts.append(region)
-        labels = np.full(len(moving), -1)
-        for number, part in enumerate(sorted(parts, key=len, reverse=True)):
-            labels[part] = number
-        return self._with_limbs(self._absorbed(labels, len(parts)), moving)
+        bent = [
+            region
+            for region in self._regions(rest)
+            if self._goes_together(region).mean() >= MOST
+        ]
+        labels, n_parts = self._numbered(parts, bent)
+        return self._with_limbs(self._absorbed(labels, n_parts), moving)
+
+    def _numbered(self, rigid, bent):
+        """Number of each track's part, the largest being 0, and how many there are.
+
+        What no rigid motion explains bends, and is one with the rigid parts that it
+        touches: a body between its head and its hands.
+        """
+        regions = [*rigid, *bent]
+        labels, n_regions = np.full(len(self._scene), -1), len(regions)
+        if not regions:
+            return labels, 0
+        for number, region in enumerate(regions):
+            labels[region] = number
+        pairs = labels[self._pairs]
+        pairs = pairs[(pairs.min(axis=1) >= 0) & (pairs.max(axis=1) >= len(rigid))]
+        links = np.zeros((n_regions, n_regions))
+        np.add.at(links, tuple(pairs.T), 1)
+        touching = csr_array(links + links.T >= LEAST_TOUCHING)
+        n_parts, names = connected_components(touching, directed=False)
+        sizes = np.bincount(names, [len(region) for region in regions], n_parts)
+        rank = np.empty(n_parts, dtype=int)
+        rank[np.argsort(-sizes, kind="stable")] = np.arange(n_parts)
+        return np.where(labels >= 0, rank[names][labels], -1), n_parts
 
     def _with_limbs(self, labels, moving):
         """The same, with what goes together with a part that it touches.
@@ -443,6 +498,16 @@ class _Parts:
 
         If ``smooth``, at depths like those of the tracks around.
         """
+        own, scene = self._own(region, smooth), self._scene[region]
+        noise = self._noise[region]
+        return (
+            (scene > OWN_RATIO * np.maximum(own, LEAST_NOISE))
+            & (scene > LEAST_SCENE * noise)
+            & (own < MOST_OWN * noise)
+        )
+
+    def _own(self, region, smooth):
+        """Root mean square residuals of a region's tracks from its own motion."""
         windows = self._windows
         motion = windows.fit([region])[0]
         squares, freedom = np.zeros((2, len(region), len(windows.frames)))
@@ -458,12 +523,7 @@ class _Parts:
             freedom[there, number] = windows.freedom[rows, number]
         own = _root_mean(squares, freedom)
         own[freedom.sum(axis=1) == 0] = np.inf
-        scene, noise = self._scene[region], self._noise[region]
-        return (
-            (scene > OWN_RATIO * np.maximum(own, LEAST_NOISE))
-            & (scene > LEAST_SCENE * noise)
-            & (own < MOST_OWN * noise)
-        )
+        return own
 
     def _steps_around(self, rows, number, view):
         """By how many pixels depths differ from those of the tracks around."""
