@@ -40,7 +40,7 @@ ODDS_OF_LABEL = 0.7
 # Log odds that the motion of a label is not the scene's: constant, per e-fold of the
 # scene's residuals over its own, and over the noise, both medians over its tracks. By
 # regression on motions of partitions of simulated scenes.
-ODDS_OF_MOTION = (-2.84, 2.4, 1.57)
+ODDS_OF_MOTION = (-2.9, 4.0, 1.1)
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
 # Correlation of what two windows tell of a track: its patch stays with it.
