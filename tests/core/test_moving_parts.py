@@ -14,6 +14,8 @@ from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.moving_parts import (
     LARGE_STEP,
     LEAST_NOISE,
+    LEAST_TOUCHING,
+    LEAST_TRACKS,
     ODDS_OF_LABEL,
     _Parts,
     least_cut,
@@ -123,6 +125,88 @@ def test_simulated_bodies_with_limbs_are_found_whole():
         shares.append((parts[moves] >= 0).mean())
         assert (parts[target == scene.background] == -1).mean() > 0.98
     assert np.mean(shares) > 0.9
+
+
+# A thing on the far wall, which no depth tells from it.
+ON_THE_WALL = ((260, 100), (400, 240))
+
+
+def slow_clip(noise, step=0.004, n_frames=10):
+    """A thing that moves by 0.2 pixels per frame across the image of a wall."""
+    points, visibility, moves = clip(ON_THE_WALL, (0, step, 0), depth=12.0)
+    rng = np.random.default_rng(3)
+    points = points + noise * rng.standard_normal(points.shape)
+    return points[:, :n_frames], visibility[:, :n_frames], moves
+
+
+def test_a_slow_thing_is_found_in_ten_frames_which_windows_span():
+    points, visibility, moves = slow_clip(0.05)
+    parts = found(points, visibility)
+    assert (parts[moves] == 0).mean() > 0.95
+    assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_a_slow_motion_is_told_by_all_of_its_tracks():
+    """Each of them is within the noise of the scene."""
+    points, visibility, moves = slow_clip(0.2)
+    assert (found(points, visibility) == -1).all()
+    parts = found(points, visibility, moves.astype(int))
+    assert (parts[moves] == 0).mean() > 0.95
+    assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_a_piece_of_the_scene_that_has_a_label_does_not_move():
+    points, visibility, piece = slow_clip(0.2, step=0.0)
+    assert (found(points, visibility, piece.astype(int)) == -1).all()
+
+
+def test_the_odds_of_a_motion_are_of_most_of_its_tracks():
+    points, visibility, moves = slow_clip(0.2)
+    windows = Windows(points, visibility)
+    parts = _Parts(windows, fit_static_scene(windows, SIZE), np.empty((0, 2), int))
+    thing, room = np.flatnonzero(moves), np.flatnonzero(~moves)
+    assert parts.odds_of_motion(room[: len(thing)]) < -1
+    slow = parts.odds_of_motion(thing)
+    points, visibility, _ = slow_clip(0.2, step=0.02)
+    windows = Windows(points, visibility)
+    parts = _Parts(windows, fit_static_scene(windows, SIZE), np.empty((0, 2), int))
+    fast = parts.odds_of_motion(thing)
+    assert parts.odds_of_motion(room[: len(thing)]) < slow < fast
+    assert fast > 2
+    # A few tracks of others, however far, change little.
+    mixed = np.append(thing, room[: len(thing) // 4])
+    assert abs(parts.odds_of_motion(mixed) - fast) < 1
+    assert parts.odds_of_motion(thing[: LEAST_TRACKS - 1]) == -np.inf
+
+
+def numbered(pairs, rigid, bent, n_tracks=40):
+    fake = SimpleNamespace(_pairs=np.array(pairs), _scene=np.zeros(n_tracks))
+    return _Parts._numbered(fake, rigid, bent)
+
+
+def test_what_bends_is_one_with_the_rigid_parts_that_it_touches():
+    """A head, a body that bends, a hand; and two cars that touch."""
+    head, body, hand = np.arange(5), np.arange(5, 20), np.arange(20, 25)
+    car, other = np.arange(25, 33), np.arange(33, 39)
+    joints = [(k, 5 + k) for k in range(LEAST_TOUCHING)]
+    joints += [(15 + k, 20 + k) for k in range(LEAST_TOUCHING)]
+    bumpers = [(27 + k, 33 + k) for k in range(6)]
+    labels, n_parts = numbered(joints + bumpers, [head, hand, car, other], [body])
+    assert n_parts == 3
+    assert_array_equal(labels, np.repeat([0, 1, 2, -1], [25, 8, 6, 1]))
+
+
+def test_what_bends_and_touches_hardly_is_a_part_of_its_own():
+    touching = [(k, 30 - k) for k in range(LEAST_TOUCHING - 1)]
+    labels, n_parts = numbered(touching, [np.arange(10)], [np.arange(20, 35)])
+    assert n_parts == 2
+    assert_array_equal(labels, np.repeat([1, -1, 0, -1], [10, 10, 15, 5]))
+
+
+def test_without_parts_no_track_is_of_one():
+    labels, n_parts = numbered(np.empty((0, 2), int), [], [])
+    assert n_parts == 0
+    assert_array_equal(labels, np.full(40, -1))
 
 
 def test_a_crowd_of_noise_is_no_part():

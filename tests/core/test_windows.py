@@ -14,6 +14,7 @@ from skmotionseg._core.geometry.windows import (
     WINDOW_FRAMES,
     FitRequest,
     Windows,
+    spread_window_frames,
     window_frames,
 )
 from skmotionseg.datasets import make_rigid_motions
@@ -40,6 +41,35 @@ def test_windows_are_short_where_tracks_are():
     for track in range(40):
         visibility[track, track : track + 8] = True
     assert np.ptp(window_frames(visibility), axis=1).max() < 8
+
+
+@pytest.mark.parametrize("n_frames", range(7, 16))
+def test_windows_of_short_clips_are_spread_over_all_frames(n_frames):
+    frames = spread_window_frames(np.ones((5, n_frames), dtype=bool))
+    assert frames.shape == (2, WINDOW_FRAMES)
+    assert (np.diff(frames, axis=1) > 0).all()
+    assert_array_equal(frames[:, [0, -1]], [[0, n_frames - 2], [1, n_frames - 1]])
+    if n_frames <= 11:  # others cannot all be seen, two neighbours of four can
+        assert_array_equal(np.unique(frames), np.arange(n_frames))
+
+
+@pytest.mark.parametrize("n_frames", [2, 3, 6, 16, 40])
+def test_windows_of_other_clips_are_not_spread(n_frames):
+    visibility = np.ones((5, n_frames), dtype=bool)
+    assert_array_equal(spread_window_frames(visibility), window_frames(visibility))
+
+
+def test_windows_are_not_spread_where_tracks_are_short():
+    """They would be seen in too few frames of a window."""
+    visibility = np.zeros((40, 12), dtype=bool)
+    for track in range(40):
+        visibility[track, track % 8 : track % 8 + 5] = True
+    assert_array_equal(spread_window_frames(visibility), window_frames(visibility))
+    visibility[:21, :6] = True
+    frames = spread_window_frames(visibility)
+    assert np.ptp(frames, axis=1).min() == 10
+    windows = Windows(np.zeros((40, 12, 2)), visibility, frames=frames)
+    assert windows.frames is frames
 
 
 def test_tracks_are_near_their_own_motion_and_far_from_others(clip):

@@ -320,8 +320,8 @@ class _Parts:
         known = np.isfinite(own) & (scene > 0)
         if known.sum() < LEAST_TRACKS:
             return -np.inf
-        ratios = scene / np.maximum(own, LEAST_NOISE), scene / self._noise[tracks]
-        usual = [np.median(np.log(ratio[known])) for ratio in ratios]
+        rivals = np.maximum(own, LEAST_NOISE), self._noise[tracks]
+        usual = [np.median(np.log(scene[known] / rival[known])) for rival in rivals]
         return float(np.dot(ODDS_OF_MOTION, [1, *usual]))
 
     def of(self, moving, motions, sure=()):
