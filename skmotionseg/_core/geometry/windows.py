@@ -460,7 +460,7 @@ def window_frames(visibility):
 
 
 def spread_window_frames(visibility):
-    """Frames of each window, which in a short clip reaches from its begin to its end.
+    """Frames of each window, spread over all of a short clip.
 
     What moves slowly is apart from the static scene by more, the longer it is watched.
     Two windows, one a frame later, see the frames of a clip that is too short for
