@@ -23,6 +23,9 @@ from .segmentation import MotionSegmenter
 
 # Motions that are looked for in the first frames, if their number is not given.
 MOST_AT_FIRST = 10
+# Probability of fewer motions than live by which some are merged: what is missing is
+# found later, what is merged is not told apart again before it moves otherwise.
+SURE_OF_FEWER = 0.8
 
 
 class OnlineMotionSegmenter(BaseEstimator):
@@ -40,8 +43,9 @@ class OnlineMotionSegmenter(BaseEstimator):
     enough, is joined. The focal length and one coefficient of lens distortion are
     estimated at the start, and again in every sixth frame.
 
-    Ten frames do not show all motions: after 15, 22 and 33 frames, all frames so far
-    are segmented again. That adds motions and places tracks, and ends no motion. These
+    Ten frames do not show all motions, and noise may look like one: after 15, 22 and 33
+    frames, all frames so far are segmented again. That adds motions, places tracks and
+    joins what is one motion with 80 % or more, unless it was found apart twice. These
     four updates take seconds, all others a fraction of one.
 
     Labels are identities that last. A motion keeps its number as long as it lives, and
@@ -225,15 +229,18 @@ class OnlineMotionSegmenter(BaseEstimator):
             bool(self._stream.motions),
         )
 
-    def _partition(self, points, seen):
-        """Motions of the tracks of the first frames, the static scene first."""
+    def _partition(self, points, seen, n_living):
+        """Motions of the tracks of the first frames, the static scene first.
+
+        No fewer than live, unless it is sure that there are fewer.
+        """
         most: Any = MOST_AT_FIRST if self.n_motions == "auto" else self.n_motions
         seed = self._stream.rng.randint(2**31 - 1)
         segmenter = MotionSegmenter(
             max_motions=most, focal_length=self.focal_length, random_state=seed
         )
         try:
-            labels = segmenter.fit(pack_tracks(points, seen)).labels_
+            labels = _with_living(segmenter.fit(pack_tracks(points, seen)), n_living)
         except ValueError:  # too few tracks are seen together
             return np.full(len(points), -1)
         some = points[seen]
@@ -241,6 +248,16 @@ class OnlineMotionSegmenter(BaseEstimator):
         size = np.maximum(some.max(axis=0) - low, 1)
         static = background_motion(points - low, seen, labels, size)
         return _with_first(canonical_labels(labels), static)
+
+
+def _with_living(segmenter, n_living):
+    """Labels of as many motions as live, if a search has fewer and is not sure."""
+    reached = min(n_living, len(segmenter.candidate_labels_)) - 1
+    if reached > segmenter.best_index_:
+        fewer = 1 - segmenter.count_probabilities_[reached:].sum()
+        if fewer <= SURE_OF_FEWER:
+            return segmenter.candidate_labels_[reached]
+    return segmenter.labels_
 
 
 def _with_first(labels, first):

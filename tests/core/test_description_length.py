@@ -205,7 +205,7 @@ def test_lengths_by_any_model(scene, n_constraints, n_parameters):
     assert found.models == pytest.approx(models)
 
 
-def test_medians_of_tracks_are_the_lower_ones():
+def test_medians_of_tracks_are_the_lower_ones_or_not():
     rng = np.random.default_rng(0)
     seen = rng.random((7, 20)) < 0.6
     seen[:, 0] = False
@@ -216,6 +216,10 @@ def test_medians_of_tracks_are_the_lower_ones():
     expected = [plain.lower_median(column[~np.isnan(column)]) for column in dense.T]
     assert math.isnan(expected[0])
     assert_array_equal(track_medians(seen, distances), expected)
+    finite = [column[np.isfinite(column)] for column in dense.T[1:]]
+    plain_ones = [np.median(column) for column in finite]
+    assert_allclose(track_medians(seen, distances, lower=False)[1:], plain_ones)
+    assert np.any(np.array(plain_ones) > expected[1:])
 
 
 # ------------------------------------------------------------------------- frame pairs

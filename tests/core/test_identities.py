@@ -14,6 +14,7 @@ from skmotionseg._core.stream.identities import (
     Numbers,
     Trace,
     going_on,
+    parts,
 )
 
 SIZE = np.array([640.0, 480.0])
@@ -183,3 +184,13 @@ def test_a_part_that_was_seen_nowhere_is_of_what_it_shares():
     numbers.see(numbers.new(), at(0, 1.0, 1.0))
     assert numbers.of(None, SIZE, {0}, most=1, shared=0) == (0, True)
     assert numbers.of(None, SIZE, {0}, most=1) == (None, False)
+
+
+def test_what_is_in_the_group_of_another_is_a_part_of_the_older():
+    shared = np.array([[90, 0, 16], [3, 20, 4]])
+    assert parts(shared, [0, 4, 7]) == [(0, 7)]
+    shared[1, 2] = 6  # no three quarters any more
+    assert parts(shared, [0, 4, 7]) == []
+    assert parts(np.array([[10, 30, 0]]), [0, 4, 7]) == [(0, 4)]
+    assert parts(np.zeros((0, 2), dtype=int), [0, 4]) == []
+    assert parts(np.zeros((1, 2), dtype=int), [0, 4]) == []

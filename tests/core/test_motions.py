@@ -7,7 +7,12 @@ import pytest
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
-from skmotionseg._core.partition.motions import fit_motions, inliers, usual
+from skmotionseg._core.partition.motions import (
+    fit_motions,
+    inliers,
+    noise_of_inliers,
+    usual,
+)
 from skmotionseg._segmenter.motions import motions_in_pixels
 from skmotionseg.datasets import make_rigid_motions
 
@@ -38,6 +43,30 @@ def test_a_motion_stays_what_it_is_among_two_fifths_of_rubbish(shapes):
     (inside,) = inliers(motions, distances[None])
     assert inside[y == 0].all()
     assert inside[y < 0].mean() < 0.1
+
+
+def test_outliers_do_not_inflate_the_noise():
+    rng = np.random.default_rng(0)
+    distances = np.abs(rng.normal(scale=0.01, size=300))
+    alone = noise_of_inliers(distances)
+    assert alone == pytest.approx(0.01, rel=0.1)
+    outliers = rng.uniform(0.1, 3, size=200)
+    among = noise_of_inliers(np.concatenate([distances, outliers]))
+    assert among == pytest.approx(alone, rel=0.02)
+    assert 1.4826 * np.median([*distances, *outliers]) > 1.9 * alone
+    assert noise_of_inliers(np.zeros(3)) == 0
+    assert noise_of_inliers(np.zeros(0)) == 0
+
+
+def test_few_frame_pairs_have_to_agree_that_a_track_is_an_inlier():
+    _, y, (points, visibility) = scene_with(0, n_motions=1, missing=0)
+    motions = fit_motions(clip_geometry(points, visibility), y, linked(y))
+    torn, short = points.copy(), visibility.copy()
+    torn[0, 2] += 50
+    short[0, 3:] = False  # of its two pairs, one is right
+    (distances,) = motions.distances(torn, short)
+    assert inliers(motions, distances[None])[0, 1:].all()
+    assert not inliers(motions, distances[None])[0, 0]
 
 
 def test_distances_are_medians_over_the_pairs_that_see_a_track():

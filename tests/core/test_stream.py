@@ -21,7 +21,7 @@ def told(movie, known=lambda things, n_frames: things):
     They are where they were, as far as a lens may have been straightened.
     """
 
-    def partition(points, seen):
+    def partition(points, seen, n_living):
         near = np.flatnonzero(seen.sum(axis=1) >= 4)
         assert_array_equal(near, np.arange(len(points)))
         n_frames = int(seen.any(axis=0).sum())
@@ -63,7 +63,7 @@ def test_nothing_begins_without_a_partition():
     stream = MotionStream(None, np.random.RandomState(0))
     for frame in range(movie.n_frames):
         labels, events = stream.step(
-            *movie.frame(frame), lambda points, seen: np.full(len(points), -1)
+            *movie.frame(frame), lambda points, seen, n_living: np.full(len(points), -1)
         )
         assert not events
     assert (labels == -1).all()
@@ -90,8 +90,13 @@ def without_the_thing(things, n_frames):
 
 
 def only_at_first(things, n_frames):
-    """What a search says that misses the thing later."""
-    return things if n_frames < SEARCHED_AGAIN[0] else np.zeros_like(things)
+    """What a search says that rejects the thing later."""
+    return things if n_frames < SEARCHED_AGAIN[0] else -things
+
+
+def one_later(after):
+    """What a search says that has two things as one, from a number of frames on."""
+    return lambda things, n_frames: things * (n_frames < after)
 
 
 def test_what_first_frames_do_not_show_is_found_when_they_are_searched_again(
@@ -118,6 +123,43 @@ def test_a_search_ends_no_motion(movie):
     labels, ids, _, happened = play(movie, told(movie, only_at_first))
     assert happened == [("start", FIRST_FRAMES - 1)]
     assert (labels == movie.things[ids]).mean() > 0.97
+
+
+def test_a_search_merges_what_the_first_frames_have_as_two(movie, monkeypatch):
+    nothing = None, np.arange(0)
+    name = "skmotionseg._core.stream.stream.find_candidate"
+    monkeypatch.setattr(name, lambda *args: nothing)
+    partition = told(movie, one_later(SEARCHED_AGAIN[0]))
+    labels, _, stream, happened = play(movie, partition)
+    assert happened == [("start", FIRST_FRAMES - 1), ("merged", SEARCHED_AGAIN[0] - 1)]
+    assert labels.max() == 0
+    assert set(stream.result()[1]) <= {-1, 0}
+
+
+def test_what_was_found_apart_twice_is_not_merged(movie):
+    partition = told(movie, one_later(SEARCHED_AGAIN[1]))
+    labels, ids, _, happened = play(movie, partition)
+    assert happened == [("start", FIRST_FRAMES - 1)]
+    assert (labels == movie.things[ids]).mean() > 0.97
+
+
+def test_no_more_groups_begin_than_there_are_more_motions(movie, monkeypatch):
+    """Of another partition into as many motions, none is new."""
+    renewed, whole = [], MotionStream._renew_one
+
+    def renew_one(self, window, group, fit, number, events):
+        renewed.append(int(number))
+        return whole(self, window, group, fit, number, events)
+
+    def other(things, n_frames):
+        halves = np.arange(len(things)) % 3 == 0
+        later = np.where(things == 0, halves, -1)
+        return things if n_frames < SEARCHED_AGAIN[0] else later
+
+    monkeypatch.setattr(MotionStream, "_renew_one", renew_one)
+    _, _, _, happened = play(movie, told(movie, other))
+    assert set(renewed) == {0}
+    assert happened == [("start", FIRST_FRAMES - 1)]
 
 
 def in_two(things, n_frames):

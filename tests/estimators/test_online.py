@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from sklearn.exceptions import NotFittedError
 from skmotionseg import OnlineMotionSegmenter
 from skmotionseg._segmenter.motions import stream_reasons
 from skmotionseg.metrics import misclassification_error
+from skmotionseg.online import _with_living
 
 
 def play(movie, segmenter=None, frames=None, shuffle=None, pieces=()):
@@ -281,3 +283,27 @@ def test_memory_does_not_depend_on_the_number_of_frames():
         in_view = len(segmenter._stream.buffer.ids)
         sizes.append(len(pickle.dumps(segmenter)) / in_view)
     assert np.mean(sizes[100:]) < 1.1 * np.mean(sizes[33:53])
+
+
+@pytest.mark.parametrize(
+    ("probabilities", "n_living", "expected"),
+    [
+        ([0.7, 0.2, 0.1], 2, 2),  # 30 % that there are two or more
+        ([0.7, 0.2, 0.1], 3, 1),
+        ([0.9, 0.1, 0.0], 2, 1),
+        ([0.3, 0.1, 0.6], 3, 3),
+        ([0.7, 0.2, 0.1], 0, 1),
+        ([0.6, 0.1, 0.3], 9, 3),  # no more were tried
+        ([np.nan, np.nan, np.nan], 2, 1),
+    ],
+)
+def test_a_search_has_no_fewer_motions_than_live_unless_it_is_sure(
+    probabilities, n_living, expected
+):
+    segmenter = SimpleNamespace(
+        candidate_labels_=[np.full(4, n) for n in (1, 2, 3)],
+        count_probabilities_=np.array(probabilities),
+        best_index_=int(np.argmax(probabilities)),
+    )
+    segmenter.labels_ = segmenter.candidate_labels_[segmenter.best_index_]
+    assert_array_equal(_with_living(segmenter, n_living), expected)

@@ -167,14 +167,17 @@ def _log_range(displacements):
     return np.log(np.maximum(high - low, floor)).mean()
 
 
-def track_medians(seen, distances):
-    """Lower median of each track's distances over the frame pairs that judge it.
+def track_medians(seen, distances, lower=True):
+    """Median of each track's distances over the frame pairs that judge it.
 
     Parameters
     ----------
     seen : ndarray of bool, shape (n_pairs, n)
     distances : ndarray of shape (n_observations,)
         Where ``seen`` is true, pair by pair; infinite where a pair does not judge.
+    lower : bool, default=True
+        Whether it is the lower of the two in the middle, and not their mean, where the
+        number is even.
 
     Returns
     -------
@@ -185,8 +188,12 @@ def track_medians(seen, distances):
     dense[seen] = distances
     counts = np.isfinite(dense).sum(axis=0)
     dense = np.sort(dense, axis=0)
-    middle = dense[np.maximum(counts - 1, 0) // 2, np.arange(len(counts))]
-    return np.where(counts > 0, middle, np.nan)
+    tracks = np.arange(len(counts))
+    medians = dense[np.maximum(counts - 1, 0) // 2, tracks]
+    if not lower:
+        higher = dense[np.minimum(counts // 2, len(dense) - 1), tracks]
+        medians = np.where(counts % 2, medians, (medians + higher) / 2)
+    return np.where(counts > 0, medians, np.nan)
 
 
 @dataclass(frozen=True)

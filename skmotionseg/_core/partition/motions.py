@@ -67,8 +67,9 @@ class Motions:
         Returns
         -------
         ndarray of shape (M, n_tracks)
-            Median over the frame pairs of Sampson distances, in working units; NaN
-            where no pair sees both the track and enough of the motion.
+            Median over the frame pairs of Sampson distances, in working units (not the
+            lower: an outlier that is seen in two pairs is near in one of them by
+            chance); NaN where no pair sees both the track and enough of the motion.
         """
         seen, x, y = self.frames.observe(points, visibility)
         ends = np.cumsum(seen.sum(axis=1))[:-1]
@@ -76,7 +77,9 @@ class Motions:
         return np.stack(
             [
                 track_medians(
-                    seen, np.concatenate([*map(sampson_distances, F, *by_pair)])
+                    seen,
+                    np.concatenate([*map(sampson_distances, F, *by_pair)]),
+                    lower=False,
                 )
                 for F in self.fundamental
             ]
@@ -119,10 +122,23 @@ def _fit_motion(geometry, members, affinity):
         distances = track_medians(seen, np.sqrt(errors[packed]))
         judged = distances[np.isfinite(distances)]
         median = np.median(judged) if len(judged) else 0.0
-        noise = OF_MEDIAN * median
+        noise = noise_of_inliers(judged)
         last = step + 1 == CONCENTRATIONS
         trusted = distances <= (inlier_threshold(noise) if last else median)
     return F, noise
+
+
+def noise_of_inliers(distances):
+    """Standard deviation of distances (n,), some of which may be those of outliers.
+
+    By the median of the inliers, again as long as that excludes more: among two fifths
+    of outliers, the median of all would be twice that of the others.
+    """
+    noise, close = np.inf, distances
+    while len(close) and (smaller := OF_MEDIAN * np.median(close)) < noise:
+        noise = smaller
+        close = distances[distances <= inlier_threshold(noise)]
+    return noise if len(distances) else 0.0
 
 
 def inlier_threshold(noise):

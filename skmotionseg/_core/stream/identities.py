@@ -20,6 +20,8 @@ SIZE_CHANGES, ANY_SIZE, SIZES = 0.6, 0.06, 0.8
 # A motion goes on if it shares this part of the tracks that the smaller of two groups
 # shares with others, and so many.
 SHARED_PART, SHARED_TRACKS = 0.5, 3
+# Part of the tracks of a motion that are in the group of another if it is part of that.
+CONTAINED = 0.75
 # Frames after which a motion that nobody sees is given up.
 MOST_ABSENT = 100
 
@@ -153,6 +155,27 @@ def going_on(shared, living):
         for k, j in zip(rows, columns, strict=True)
         if enough_shared(shared[k, j], known[k, j])
     }
+
+
+def parts(shared, living):
+    """Pairs of numbers that are in one group: [(the older, the other), ...].
+
+    One of the two goes on in the group, and most tracks of the other are in it.
+
+    Parameters
+    ----------
+    shared : ndarray of int, shape (n_groups, n_living)
+        Tracks of each group that had each of these numbers.
+    living : list of int
+    """
+    known = going_on(shared, living)
+    left = [j for j, number in enumerate(living) if number not in known.values()]
+    pairs = []
+    for j in left if known else []:
+        k, in_groups = int(shared[:, j].argmax()), shared[:, j].sum()
+        if k in known and shared[k, j] >= max(CONTAINED * in_groups, 1):
+            pairs.append((min(known[k], living[j]), max(known[k], living[j])))
+    return pairs
 
 
 def enough_shared(shared, of):

@@ -27,7 +27,7 @@ from .following import (
     newly_held,
 )
 from .history import History
-from .identities import Numbers, Trace, enough_shared, going_on
+from .identities import Numbers, Trace, enough_shared, going_on, parts
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -124,8 +124,8 @@ class MotionStream:
         ids : ndarray of int, shape (n_seen,)
             Each once.
         partition : callable
-            ``(points, seen) -> labels (n,)``: motions ``0..M - 1`` of tracks (n, L, 2),
-            the static scene first, -1 for none.
+            ``(points, seen, n_living) -> labels (n,)``: motions ``0..M - 1`` of tracks
+            (n, L, 2), the static scene first, -1 for none; so many live already.
 
         Returns
         -------
@@ -191,7 +191,7 @@ class MotionStream:
         rows = np.flatnonzero(self.buffer.seen.sum(axis=1) >= FIRST_SEEN)
         if len(rows) < FIRST_TRACKS:
             return []
-        labels = partition(self.buffer.points[rows], self.buffer.seen[rows])
+        labels = partition(self.buffer.points[rows], self.buffer.seen[rows], 0)
         groups = [rows[labels == k] for k in range(labels.max(initial=-1) + 1)]
         found, self.estimate = calibrate(
             self.buffer.points, self.buffer.seen, rows, groups, self.focal_length
@@ -240,25 +240,29 @@ class MotionStream:
             return []
         labels = np.full(len(ids), UNKNOWN)
         straight = self.camera.straightened(points[often])
-        labels[often] = partition(straight, seen[often])
+        n_living = sum(not motion.is_candidate for motion in self.motions)
+        labels[often] = partition(straight, seen[often], n_living)
         return self._renew(ids, labels) if labels.max() > UNKNOWN else []
 
     def _renew(self, ids, labels):
         """Motions of a new partition of all tracks so far, and those that live.
 
-        None that lives is taken away: a search of so few frames misses small things
-        more often than a stream makes motions of nothing.
+        Motions that it has as one are merged, unless an earlier one found them, too.
+        Others that it misses live on: a search of so few frames misses small things.
+        Of groups that are new, the largest begin: as many as it has more than live.
         """
         buffer = self.buffer
         for column in reversed(range(len(self.motions))):
             if self.motions[column].is_candidate:
                 self._remove(column, "dropped", None, [])
-        groups, names = self._recognised(ids, labels)
-        window = Window(buffer.points, buffer.seen, self.camera)
+        groups = self._groups(ids, labels)
         events: list[Event] = []
+        self._merge_parts(groups, events)
+        groups, names = self._recognised(groups)
+        window = Window(buffer.points, buffer.seen, self.camera)
         fits = window.fit(groups)
         # What lives already first: what is new is compared with it.
-        for k in sorted(range(len(groups)), key=lambda k: (names[k] == UNKNOWN, k)):
+        for k in _in_order(groups, names, len(groups) - len(self.motions)):
             if fits[k] is not None:
                 names[k] = self._renew_one(window, groups[k], fits[k], names[k], events)
         if self.history is not None:
@@ -269,21 +273,37 @@ class MotionStream:
             self._assign(window, fitted_groups(buffer, self.motions))
         return events
 
-    def _recognised(self, ids, labels):
-        """Rows of the groups of a partition, and their numbers if they have them.
+    def _groups(self, ids, labels):
+        """Rows of the groups of a partition, of the tracks that are in the buffer."""
+        found = np.full(len(self.buffer.ids), UNKNOWN)
+        here = np.isin(ids, self.buffer.ids)
+        found[np.searchsorted(self.buffer.ids, ids[here])] = labels[here]
+        return [np.flatnonzero(found == k) for k in range(labels.max() + 1)]
+
+    def _shared(self, groups):
+        """Tracks (n_groups, M) of each group that follow each motion, and numbers."""
+        living = [motion.number for motion in self.motions]
+        of_groups = [self.buffer.labels[rows] for rows in groups]
+        shared = [[np.sum(own == number) for number in living] for own in of_groups]
+        return np.array(shared).reshape(len(groups), len(living)), living
+
+    def _merge_parts(self, groups, events):
+        """Merge motions that are in one group, unless they were found apart before."""
+        for number, other in parts(*self._shared(groups)):
+            living = {motion.number: motion for motion in self.motions}
+            kept, ended = living.get(number), living.get(other)
+            if kept and ended and not ended.is_established:
+                self._remove(self.motions.index(ended), "merged", kept, events)
+
+    def _recognised(self, groups):
+        """Groups and their numbers if they have them.
 
         Tracks of living motions that are no group remain where they are.
         """
-        buffer = self.buffer
-        new = np.full(len(buffer.ids), UNKNOWN)
-        here = np.isin(ids, buffer.ids)
-        new[np.searchsorted(buffer.ids, ids[here])] = labels[here]
-        groups = [np.flatnonzero(new == k) for k in range(labels.max() + 1)]
+        known = going_on(*self._shared(groups))
         living = [motion.number for motion in self.motions]
-        shared = [[np.sum(buffer.labels[g] == n) for n in living] for g in groups]
-        known = going_on(np.array(shared), living)
         kept = sorted(set(living) - set(known.values()))
-        left = [rows[~np.isin(buffer.labels[rows], kept)] for rows in groups]
+        left = [rows[~np.isin(self.buffer.labels[rows], kept)] for rows in groups]
         return left, np.array([known.get(k, UNKNOWN) for k in range(len(groups))])
 
     def _renew_one(self, window, group, fit, number, events):
@@ -648,6 +668,13 @@ class MotionStream:
 def _appeared(frame, number, again):
     kind, words = ("again", "is seen again") if again else ("new", "is new")
     return Event(frame, kind, f"motion {number} {words}")
+
+
+def _in_order(groups, names, n_new):
+    """Groups that go on, then the largest of those that are new, so many at most."""
+    new = [k for k in range(len(groups)) if names[k] == UNKNOWN]
+    new = sorted(new, key=lambda k: -len(groups[k]))[: max(n_new, 0)]
+    return [k for k in range(len(groups)) if names[k] != UNKNOWN] + sorted(new)
 
 
 def _covered(points):
