@@ -179,9 +179,9 @@ def test_the_odds_of_a_motion_are_of_most_of_its_tracks():
     assert parts.odds_of_motion(thing[: LEAST_TRACKS - 1]) == -np.inf
 
 
-def numbered(pairs, rigid, bent, n_tracks=40):
+def numbered(pairs, rigid, bent, is_short=True, n_tracks=40):
     fake = SimpleNamespace(_pairs=np.array(pairs), _scene=np.zeros(n_tracks))
-    return _Parts._numbered(fake, rigid, bent)
+    return _Parts._numbered(fake, rigid, bent, is_short)
 
 
 def test_what_bends_is_one_with_the_rigid_parts_that_it_touches():
@@ -194,6 +194,16 @@ def test_what_bends_is_one_with_the_rigid_parts_that_it_touches():
     labels, n_parts = numbered(joints + bumpers, [head, hand, car, other], [body])
     assert n_parts == 3
     assert_array_equal(labels, np.repeat([0, 1, 2, -1], [25, 8, 6, 1]))
+
+
+def test_what_has_touched_at_some_time_of_a_long_clip_is_not_one():
+    """Two people who pass each other; whether they are one, their movements tell."""
+    touching = [(k, 10 + k) for k in range(2 * LEAST_TOUCHING)]
+    regions = [np.arange(10)], [np.arange(10, 25)]
+    labels, n_parts = numbered(touching, *regions, is_short=False)
+    assert n_parts == 2
+    assert_array_equal(labels, np.repeat([1, 0, -1], [10, 15, 15]))
+    assert numbered(touching, *regions)[1] == 1
 
 
 def test_what_bends_and_touches_hardly_is_a_part_of_its_own():

@@ -23,6 +23,8 @@ from .rigid_motion import (
 # Frames per window, and frames from one to the next, unless tracks live too briefly.
 WINDOW_FRAMES = 6
 WINDOW_STRIDE = 3
+# Frames of the longest clip that is shorter than a window of frames so far apart.
+LONGEST_SHORT = WINDOW_STRIDE * (WINDOW_FRAMES - 1)
 # Frames of a window in which a track must be seen, and tracks that make a motion.
 FEWEST_SEEN = 3
 FEWEST_TRACKS = 5
@@ -478,7 +480,7 @@ def spread_window_frames(visibility):
     """
     n_frames = visibility.shape[1]
     lifetime = np.median(visibility.sum(axis=1))
-    is_short = WINDOW_FRAMES < n_frames <= WINDOW_STRIDE * (WINDOW_FRAMES - 1)
+    is_short = WINDOW_FRAMES < n_frames <= LONGEST_SHORT
     if not is_short or 2 * lifetime < n_frames:
         return window_frames(visibility)
     first = np.linspace(0, n_frames - 2, WINDOW_FRAMES).round().astype(int)

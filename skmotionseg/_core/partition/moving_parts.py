@@ -24,6 +24,7 @@ from scipy.spatial import Delaunay, KDTree, QhullError
 from ..geometry.windows import (
     FEWEST_TRACKS,
     LEAST_NOISE,
+    LONGEST_SHORT,
     REFERENCE_WIDTH,
     Windows,
     spread_window_frames,
@@ -121,7 +122,10 @@ def moving_parts(points, visibility, labels, background, size):
         if by_motion > 0:
             sure.append(motion)
     links = LINK * np.maximum(np.exp(-graph.apart / LINK_SCALE), LEAST_LINK)
-    return parts.of(least_cut(odds, graph.pairs, links), motions, sure)
+    moving = least_cut(odds, graph.pairs, links)
+    # Those which are neighbours at some time are so throughout a clip that is as short.
+    is_short = points.shape[1] <= LONGEST_SHORT
+    return parts.of(moving, motions, sure, is_short)
 
 
 def moving_odds(scene):
@@ -324,11 +328,13 @@ class _Parts:
         usual = [np.median(np.log(scene[known] / rival[known])) for rival in rivals]
         return float(np.dot(ODDS_OF_MOTION, [1, *usual]))
 
-    def of(self, moving, motions, sure=()):
+    def of(self, moving, motions, sure=(), is_short=False):
         """Parts (n,) of moving tracks: 0, 1, ...; -1 for none.
 
         Rigid motions whose tracks move, as most do, are looked at first; those in
-        ``sure`` are known not to be the scene's.
+        ``sure`` are known not to be the scene's. In a short clip, what bends is one
+        with the rigid parts that it touches: in longer ones, movements over time tell
+        what is one, and what only passes has touched it, too.
         """
         known: list[np.ndarray] = []
         for motion in np.unique(motions[motions >= 0]):
@@ -346,14 +352,14 @@ class _Parts:
             for region in self._regions(rest)
             if self._goes_together(region).mean() >= MOST
         ]
-        labels, n_parts = self._numbered(parts, bent)
+        labels, n_parts = self._numbered(parts, bent, is_short)
         return self._with_limbs(self._absorbed(labels, n_parts), moving)
 
-    def _numbered(self, rigid, bent):
+    def _numbered(self, rigid, bent, is_short):
         """Number of each track's part, the largest being 0, and how many there are.
 
-        What no rigid motion explains bends, and is one with the rigid parts that it
-        touches: a body between its head and its hands.
+        What no rigid motion explains bends, and, if ``is_short``, is one with the rigid
+        parts that it touches: a body between its head and its hands.
         """
         regions = [*rigid, *bent]
         labels, n_regions = np.full(len(self._scene), -1), len(regions)
@@ -365,8 +371,8 @@ class _Parts:
         pairs = pairs[(pairs.min(axis=1) >= 0) & (pairs.max(axis=1) >= len(rigid))]
         links = np.zeros((n_regions, n_regions))
         np.add.at(links, tuple(pairs.T), 1)
-        touching = csr_array(links + links.T >= LEAST_TOUCHING)
-        n_parts, names = connected_components(touching, directed=False)
+        touching = is_short & (links + links.T >= LEAST_TOUCHING)
+        n_parts, names = connected_components(csr_array(touching), directed=False)
         sizes = np.bincount(names, [len(region) for region in regions], n_parts)
         rank = np.empty(n_parts, dtype=int)
         rank[np.argsort(-sizes, kind="stable")] = np.arange(n_parts)
