@@ -11,6 +11,7 @@ from numpy.testing import assert_array_equal
 
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
+from skmotionseg._core.partition import moving_parts as module
 from skmotionseg._core.partition.moving_parts import (
     LARGE_STEP,
     LEAST_NOISE,
@@ -153,6 +154,13 @@ def test_a_slow_motion_is_told_by_all_of_its_tracks():
     parts = found(points, visibility, moves.astype(int))
     assert (parts[moves] == 0).mean() > 0.95
     assert (parts[~moves] == -1).mean() > 0.99
+
+
+def test_motions_of_longer_clips_are_not_told_as_wholes(monkeypatch):
+    """Their odds are those of short ones."""
+    monkeypatch.setattr(module, "LONGEST_SHORT", 9)
+    points, visibility, moves = slow_clip(0.2)
+    assert (found(points, visibility, moves.astype(int)) == -1).all()
 
 
 def test_a_piece_of_the_scene_that_has_a_label_does_not_move():

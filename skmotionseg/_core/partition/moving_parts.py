@@ -40,7 +40,7 @@ LEAST_ODDS, MOST_BY_RESIDUAL, MOST_BY_STEP, MOST_ODDS = -2.0, 4.0, 3.0, 6.0
 ODDS_OF_LABEL = 0.7
 # Log odds that the motion of a label is not the scene's: constant, per e-fold of the
 # scene's residuals over its own, and over the noise, both medians over its tracks. By
-# regression on motions of partitions of simulated scenes.
+# regression on motions of partitions of simulated scenes of ten frames.
 ODDS_OF_MOTION = (-2.9, 4.0, 1.1)
 # A track that moves does so in this share of the windows.
 SHARE_MOVING = 0.5
@@ -114,17 +114,18 @@ def moving_parts(points, visibility, labels, background, size):
     graph = track_graph(points, visibility, REFERENCE_WIDTH / max(size))
     parts = _Parts(windows, scene, graph.pairs)
     motions = np.where(labels == background, -1, labels)
+    # In short clips, motions tell as wholes (the odds are of such), and what are
+    # neighbours at some time are so throughout.
+    is_short = points.shape[1] <= LONGEST_SHORT
     odds, sure = moving_odds(scene), []
     for motion in np.unique(motions[motions >= 0]):
         own = np.flatnonzero(motions == motion)
-        by_motion = parts.odds_of_motion(own)
+        by_motion = parts.odds_of_motion(own) if is_short else -np.inf
         odds[own] += np.clip(by_motion, ODDS_OF_LABEL, -LEAST_ODDS)
         if by_motion > 0:
             sure.append(motion)
     links = LINK * np.maximum(np.exp(-graph.apart / LINK_SCALE), LEAST_LINK)
     moving = least_cut(odds, graph.pairs, links)
-    # Those which are neighbours at some time are so throughout a clip that is as short.
-    is_short = points.shape[1] <= LONGEST_SHORT
     return parts.of(moving, motions, sure, is_short)
 
 
