@@ -294,6 +294,29 @@ def test_a_number_is_as_sure_as_in_the_surest_partition():
     np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
 
 
+def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
+    """And those of a motion's own tracks are made larger by the parameters' part."""
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    groups = [np.flatnonzero(y == k) for k in (0, 1)]
+    own = search.windows.fit(groups)
+    windows, alike = search.windows, (0.1 / search.windows.pixels) ** 2
+    totals = []
+    for joint in own:
+        total = 0.0
+        for group, motion in zip(groups, own, strict=True):
+            apart, known = windows.deviations(motion, group, relative=False)
+            together, also = windows.deviations(joint, group, relative=False)
+            apart = (apart * windows.shrinkage(motion, group)) ** 2 + alike
+            both = (known > 0) & (also > 0)
+            total += np.log((together**2 + alike) / apart)[both].sum()
+        totals.append(total)
+    gain, joint = search._gain(groups, own, own)
+    assert_allclose(gain, min(totals) / min(map(len, groups)))
+    assert joint is own[int(np.argmin(totals))]
+    assert (windows.variances[np.concatenate(groups)] > 1.01).any()
+
+
 def test_links_are_compared_with_chance(scene):
     points, visibility, affinity, _ = scene
     search = RigidSearch(Windows(points, visibility), np.ones_like(affinity))
