@@ -14,12 +14,15 @@ from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
+    NATS_OF_DISTANCE,
+    SURELY_ONE,
     RigidSearch,
     Step,
     _n_apart,
     _surest,
     calibrated_paths,
     evidence,
+    rank,
     rigid_partitions,
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
@@ -315,6 +318,16 @@ def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
     assert_allclose(gain, min(totals) / min(map(len, groups)))
     assert joint is own[int(np.argmin(totals))]
     assert (windows.variances[np.concatenate(groups)] > 1.01).any()
+
+
+def test_partitions_cost_more_if_two_motions_are_hardly_apart():
+    def cost(distance):
+        return rank(Step(8.0, np.zeros(4), [], distance=distance))
+
+    assert cost(np.inf) == cost(0.0) == 2
+    assert cost(-1.0) == 2 + NATS_OF_DISTANCE
+    assert cost(-2.0) == 2 + 2 * NATS_OF_DISTANCE
+    assert cost(-30.0) == cost(SURELY_ONE) > cost(-2.0)
 
 
 def test_links_are_compared_with_chance(scene):
