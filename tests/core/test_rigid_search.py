@@ -288,12 +288,12 @@ def test_a_number_is_as_sure_as_in_the_surest_partition():
     """The partition of least cost is returned, whichever confirms the number."""
     labels = np.array([0, 0, 1, 1])
     cheap = Step(10.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
-    sure = Step(20.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
+    sure = Step(12.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
     for steps in ([cheap, sure], [sure, cheap]):
         best = _surest(steps)
         assert (best.energy, best.log_odds) == (10.0, 2.0)
         np.testing.assert_array_equal(best.labels, labels)
-    hardly_apart = cheap._replace(distance=-100.0)
+    hardly_apart = cheap._replace(distance=-4.0)
     np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
 
 
