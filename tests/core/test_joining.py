@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from skmotionseg._core.stream.identities import SHARED_TRACKS
 from skmotionseg._core.stream.joining import (
     OVERLAP,
     WINDOW,
@@ -133,6 +134,23 @@ def test_motion_that_one_window_is_unsure_of_is_part_of_another():
     assert_array_equal(
         joined_with([1, 0.99, 1]), np.repeat([0, 1, 2, 1], [10, 10, 5, 5])
     )
+
+
+@pytest.mark.parametrize(("n_shared", "joined"), [(SHARED_TRACKS, 1), (2, 2)])
+def test_motion_that_may_be_none_is_part_of_one_that_has_enough_of_its_tracks(
+    n_shared, joined
+):
+    points = three_places(40)[0][:30]
+    names = np.repeat([0, 1, 2], 10)
+    joiner = Joiner(30, None, np.array([640.0, 480.0]))
+    for k, surely in enumerate([1, 0.7, 1]):
+        # The third motion is seen in one window, and some of its tracks in all three.
+        tracks = np.arange(30 if k == 1 else 20 + n_shared)
+        labels = names[tracks] if k == 1 else names[tracks].clip(max=1)
+        part = Part(10 * k, 10 * k + 10, tracks)
+        seen = np.ones((len(tracks), 10), dtype=bool)
+        joiner.add(part, points[tracks], seen, labels, surely)
+    assert set(joiner.labels()[0][20 + n_shared :]) == {joined}
 
 
 def test_groups_that_come_at_once_have_a_number_each():

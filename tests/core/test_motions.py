@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.motions import (
+    Explanation,
     fit_motions,
     inliers,
     noise_of_inliers,
@@ -67,6 +69,19 @@ def test_few_frame_pairs_have_to_agree_that_a_track_is_an_inlier():
     (distances,) = motions.distances(torn, short)
     assert inliers(motions, distances[None])[0, 1:].all()
     assert not inliers(motions, distances[None])[0, 0]
+
+
+def test_what_is_an_inlier_of_no_motion_is_rejected_and_nothing_else():
+    _, y, tracks = scene_with(0.1, n_motions=2)
+    motions = fit_motions(clip_geometry(*tracks), np.where(y < 0, 0, y), linked(y))
+    found = Explanation(motions, motions[:0]).reject(*tracks, np.maximum(y, 0))
+    assert (found[y >= 0] == y[y >= 0]).all()
+    assert (found[y < 0] < 0).mean() > 0.8
+    # Of another motion it is one: neighbours had a say, and it stays where it is.
+    swapped = np.where(y < 0, 0, 1 - y)
+    inside = inliers(motions, motions.distances(*tracks))[np.abs(y), np.arange(len(y))]
+    found = Explanation(motions, motions[:0]).reject(*tracks, swapped)
+    assert_array_equal(found[(y >= 0) & inside], swapped[(y >= 0) & inside])
 
 
 def test_distances_are_medians_over_the_pairs_that_see_a_track():

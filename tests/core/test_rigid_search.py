@@ -14,12 +14,15 @@ from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
+    NATS_OF_DISTANCE,
+    SURELY_ONE,
     RigidSearch,
     Step,
     _n_apart,
     _surest,
     calibrated_paths,
     evidence,
+    rank,
     rigid_partitions,
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
@@ -285,13 +288,46 @@ def test_a_number_is_as_sure_as_in_the_surest_partition():
     """The partition of least cost is returned, whichever confirms the number."""
     labels = np.array([0, 0, 1, 1])
     cheap = Step(10.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
-    sure = Step(20.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
+    sure = Step(12.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
     for steps in ([cheap, sure], [sure, cheap]):
         best = _surest(steps)
         assert (best.energy, best.log_odds) == (10.0, 2.0)
         np.testing.assert_array_equal(best.labels, labels)
-    hardly_apart = cheap._replace(distance=-100.0)
+    hardly_apart = cheap._replace(distance=-4.0)
     np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
+
+
+def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
+    """And those of a motion's own tracks are made larger by the parameters' part."""
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    groups = [np.flatnonzero(y == k) for k in (0, 1)]
+    own = search.windows.fit(groups)
+    windows, alike = search.windows, (0.1 / search.windows.pixels) ** 2
+    totals = []
+    for joint in own:
+        total = 0.0
+        for group, motion in zip(groups, own, strict=True):
+            apart, known = windows.deviations(motion, group, relative=False)
+            together, also = windows.deviations(joint, group, relative=False)
+            apart = (apart * windows.shrinkage(motion, group)) ** 2 + alike
+            both = (known > 0) & (also > 0)
+            total += np.log((together**2 + alike) / apart)[both].sum()
+        totals.append(total)
+    gain, joint = search._gain(groups, own, own)
+    assert_allclose(gain, min(totals) / min(map(len, groups)))
+    assert joint is own[int(np.argmin(totals))]
+    assert (windows.variances[np.concatenate(groups)] > 1.01).any()
+
+
+def test_partitions_cost_more_if_two_motions_are_hardly_apart():
+    def cost(distance):
+        return rank(Step(8.0, np.zeros(4), [], distance=distance))
+
+    assert cost(np.inf) == cost(0.0) == 2
+    assert cost(-1.0) == 2 + NATS_OF_DISTANCE
+    assert cost(-2.0) == 2 + 2 * NATS_OF_DISTANCE
+    assert cost(-30.0) == cost(SURELY_ONE) > cost(-2.0)
 
 
 def test_links_are_compared_with_chance(scene):

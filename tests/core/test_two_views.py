@@ -127,6 +127,19 @@ def test_the_noise_stays_within_its_limits():
     assert np.isfinite(still.log_densities(exact)).all()
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_each_motion_has_the_epipolar_geometry_that_is_best_for_it(seed):
+    X, y = two_images([60, 60, 12], seed=seed)
+    views, shares = views_of(X), np.eye(3)[y].T
+    together = fit_two_view_motions(views, shares, common_noise=False).n_unknowns
+    alone = [
+        fit_two_view_motions(views, share[None], common_noise=False).n_unknowns[0]
+        for share in shares
+    ]
+    assert_allclose(together, alone)
+    assert set(alone) == {AFFINE_UNKNOWNS, PERSPECTIVE_UNKNOWNS}
+
+
 def test_outliers_with_no_share_change_nothing(one_thing):
     _, views, motions = one_thing
     X, _ = two_images([60])

@@ -124,6 +124,21 @@ def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):
     assert_array_equal(deviations, 0)
 
 
+def test_residuals_of_fitted_tracks_are_too_small_by_the_parameters_part(clip):
+    windows, y = clip
+    group = np.flatnonzero(y == 0)[:14]
+    (motion,) = windows.fit([group])
+    # Six for each frame but the first, less the unknown scale, in each window.
+    n_windows, n_frames = windows.frames.shape
+    judged = (windows.freedom[group] > 0) & ~np.isnan(motion.squares[group])
+    assert judged.any(axis=0).all()
+    n_parameters = n_windows * (6 * (n_frames - 1) - 1)
+    n_residuals = windows.freedom[group][judged].sum()
+    assert n_parameters < 0.8 * n_residuals
+    expected = 1 / np.sqrt(1 - n_parameters / n_residuals)
+    assert_allclose(windows.shrinkage(motion, group), expected)
+
+
 def test_refining_takes_the_better_of_two_starts(clip):
     windows, y = clip
     groups = [np.flatnonzero(y == m) for m in (0, 1)]

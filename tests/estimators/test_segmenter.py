@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skmotionseg import MotionSegmenter
+from skmotionseg._core.partition import search
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -108,3 +109,17 @@ def test_the_background_frames_the_image_though_it_has_fewer_tracks():
     assert (
         segmenter.background_ == 1 == np.bincount(labels[: len(scene)] + 1)[1:].argmax()
     )
+
+
+def test_a_focal_length_reaches_the_search_for_rigid_motions(monkeypatch):
+    given, whole = [], search.RigidSearch
+
+    def watched(windows, *args):
+        given.append(args[-1] and args[-1] * windows.size)
+        return whole(windows, *args)
+
+    monkeypatch.setattr(search, "RigidSearch", watched)
+    X, _ = make_rigid_motions(60, 6, 2, random_state=0)
+    for focal_length in (600.0, None):
+        MotionSegmenter(2, focal_length=focal_length, n_hypotheses=50).fit(X)
+    assert given == [pytest.approx(600), None]

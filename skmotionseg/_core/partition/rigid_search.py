@@ -51,7 +51,8 @@ GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 3.4, 0.86, 5.8, 5.4
 MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
 # Links over chance below which fewer say no more.
 FEWEST_LINKS = 0.01
-# Distances by one of two motions below which no joint motion is fitted.
+# Distances by one of two motions below which no joint motion is fitted, and which say
+# no more than this.
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
@@ -729,8 +730,12 @@ def _n_motions(step):
 
 
 def rank(step):
-    """What a partition costs: nats per track, more if two motions are hardly apart."""
-    return step.energy / len(step.labels) - NATS_OF_DISTANCE * min(step.distance, 0.0)
+    """What a partition costs: nats per track, more if two motions are hardly apart.
+
+    Motions that are surely one cost the same, however close they are.
+    """
+    distance = min(max(step.distance, SURELY_ONE), 0.0)
+    return step.energy / len(step.labels) - NATS_OF_DISTANCE * distance
 
 
 def _n_apart(path, fewest, most):
