@@ -266,6 +266,14 @@ def test_noise_is_told_by_jitter_and_not_by_motion():
     assert 1.7 < noisy < 2.0  # 8 to the power of 0.3
 
 
+def test_four_frames_tell_noise():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(60, 4, 2))
+    points[40:] *= 8
+    noise = relative_noise(points, np.ones((60, 4), dtype=bool), np.arange(60) < 40)
+    assert 1.6 < np.median(noise[40:]) / np.median(noise[:40]) < 2.1
+
+
 @pytest.mark.parametrize("n_frames", [3, 12])
 def test_tracks_without_noise_are_as_usual(n_frames):
     points = np.zeros((20, n_frames, 2))
