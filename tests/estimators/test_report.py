@@ -209,9 +209,10 @@ def test_a_report_says_what_explains_each_motion(reported):
             geometry, np.flatnonzero(segmenter.labels_ == motion.label)
         )
         assert motion.model == found.model
-        assert motion.description_lengths == found.lengths
-        assert motion.residual == np.median(found.residuals)
-        assert motion.residual_90 == np.percentile(found.residuals, 90)
+        # A report limits the threads of BLAS, so the last digits may differ.
+        assert motion.description_lengths == pytest.approx(found.lengths)
+        assert motion.residual == pytest.approx(np.median(found.residuals))
+        assert motion.residual_90 == pytest.approx(np.percentile(found.residuals, 90))
 
 
 def test_a_report_has_the_costs_of_every_count(reported):
@@ -356,7 +357,7 @@ def test_models_are_those_of_the_landmarks():
     rows = segmenter.landmarks_
     geometry = clip_geometry(*unpack_tracks(X[rows]))
     found = choose_model(geometry, np.flatnonzero(segmenter.labels_[rows] == 0))
-    assert report.motions[0].residual == np.median(found.residuals)
+    assert report.motions[0].residual == pytest.approx(np.median(found.residuals))
 
 
 def test_a_motion_too_small_for_a_model_is_reported():
