@@ -9,6 +9,7 @@ import pytest
 from helpers import textbook
 from numpy.testing import assert_allclose, assert_array_equal
 
+from skmotionseg import MotionModel
 from skmotionseg._core.geometry.motion_models import MOTION_MODELS, null_vectors
 from skmotionseg.datasets import make_rigid_motions
 
@@ -541,3 +542,26 @@ def test_the_epipolar_error_is_that_of_scikit_image(skimage_estimate, rng):
     x, y = rng.normal(size=(2, 30, 2))
     ours = FUNDAMENTAL.residuals(theirs.params[None], x, y)[:, 0]
     assert_allclose(np.sqrt(ours), theirs.residuals(x, y))
+
+
+@pytest.mark.parametrize(
+    "change, error, words",
+    [
+        ({"name": ""}, TypeError, "the name of a motion model is a str; got ''"),
+        ({"name": 3}, TypeError, "the name of a motion model is a str; got 3"),
+        ({"minimal_size": 0}, ValueError, "integer of 1 or more; got 0"),
+        ({"minimal_size": 2.5}, ValueError, "integer of 1 or more; got 2.5"),
+        ({"residuals": None}, TypeError, "residuals of the affine model must be"),
+        ({"from_translation": 1}, TypeError, "from_translation of the affine model"),
+    ],
+)
+def test_a_model_that_cannot_be_used_is_refused(change, error, words):
+    with pytest.raises(error, match=words):
+        dataclasses.replace(MOTION_MODELS["affine"], **change)
+
+
+def test_an_unknown_model_is_told_from_those_that_there_are():
+    with pytest.raises(
+        ValueError, match=r"unknown motion model 'similarity'.*'affine'"
+    ):
+        MotionModel.built_in("similarity")

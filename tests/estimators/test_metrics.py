@@ -10,11 +10,13 @@ from numpy.testing import assert_allclose
 
 from skmotionseg.metrics import (
     FBMSScores,
+    boundary_f_measure,
     fbms_mean,
     fbms_objects,
     fbms_scores,
     misclassification_error,
     motion_count_accuracy,
+    region_similarity,
 )
 
 
@@ -241,3 +243,20 @@ def test_bad_points_of_regions(true, given, words):
 
 def test_large_region_numbers_take_no_room():
     assert fbms_scores([10**12, 0], [0, 10**12]).f_measure == 1
+
+
+def test_masks_in_which_there_is_nothing():
+    """As DAVIS counts them: nothing that is found as nothing is right."""
+    nothing = np.zeros((6, 8), dtype=bool)
+    something = nothing.copy()
+    something[2:4, 2:5] = True
+    for score in (region_similarity, boundary_f_measure):
+        assert score(nothing, nothing) == 1
+        assert score(nothing, something) == score(something, nothing) == 0
+
+
+@pytest.mark.parametrize("score", [region_similarity, boundary_f_measure])
+def test_masks_of_different_shapes_are_refused(score):
+    words = r"two masks of one shape.*got \(6, 8\) and \(8, 6\)"
+    with pytest.raises(ValueError, match=words):
+        score(np.zeros((6, 8)), np.zeros((8, 6)))

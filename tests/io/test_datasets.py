@@ -392,6 +392,9 @@ def test_npy_that_is_something_else(tmp_path):
         np.savez(file, X=np.ones((3, 4)))
     with pytest.raises(ValueError, match="it is an archive of arrays: rename it"):
         load_tracks(path)
+    path.write_text("0.5,1.5\n")
+    with pytest.raises(ValueError, match="it does not start like a file that numpy"):
+        load_tracks(path)
 
 
 SHAPES = {
@@ -604,6 +607,14 @@ def test_adelaide(tmp_path):
     assert_array_equal(first.data, X)
     assert_array_equal(first.target, [-1, 0, 1, 0, -1])
     assert unpack_tracks(second.data)[0].shape == (5, 2, 2)
+
+
+def test_two_images_with_a_single_track(tmp_path):
+    """Files that leave out axes of length 1 have its six numbers in a row."""
+    X, data = two_images(1)
+    write_two_images(tmp_path / "book.mat", data, np.ones((1, 1)))
+    (whole,) = load_adelaide(tmp_path)
+    assert_array_equal(whole.data, X)
 
 
 def test_photographs(tmp_path):

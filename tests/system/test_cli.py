@@ -703,3 +703,22 @@ def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
     assert code == 0
     names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
     assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))
+
+
+def test_a_report_of_a_long_clip_is_refused_before_any_work(tmp_path, run):
+    X, _ = make_rigid_motions(n_tracks=12, n_frames=101, random_state=0)
+    np.save(tmp_path / "clip.npy", X)
+    code, _, errors = run(
+        "segment", tmp_path / "clip.npy", "--report", tmp_path / "report.png"
+    )
+    assert code and "--report is for clips of up to 100 frames" in errors
+    assert "clip.npy has 101 (--max-frames takes the first)" in " ".join(errors.split())
+    assert not (tmp_path / "report.png").exists()
+
+
+@pytest.mark.parametrize("pixels", ["wide", "0", "-3", "inf", "nan"])
+def test_a_focal_length_is_a_number_above_0(pixels, capsys):
+    with pytest.raises(SystemExit):
+        main(["segment", "clip.npy", f"--focal-length={pixels}"])
+    words = f"expected a number above 0; got {pixels!r}"
+    assert words in " ".join(capsys.readouterr().err.split())
