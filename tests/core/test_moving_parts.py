@@ -227,6 +227,25 @@ def test_without_parts_no_track_is_of_one():
     assert_array_equal(labels, np.full(40, -1))
 
 
+def test_a_region_of_several_motions_comes_apart_into_them():
+    """Two things that touch: each is explained once the other is taken away."""
+    things = np.repeat([0, 1], [20, 10 + LEAST_TRACKS])
+    size = len(things)
+    pairs = np.array([(k, k + 1) for k in range(size - 1)])
+
+    class Touching(_Parts):
+        def __init__(self):
+            self._pairs, self._scene = pairs, np.zeros(size)
+
+        def _explained(self, region, smooth=True):
+            return things[region] == things[region].min()
+
+    parts, rest = Touching()._rigid_parts(np.ones(size, dtype=bool))
+    assert [set(things[part]) for part in parts] == [{0}, {1}]
+    assert_array_equal(np.sort(np.concatenate(parts)), np.arange(size))
+    assert not rest.any()
+
+
 def test_a_crowd_of_noise_is_no_part():
     """Water: tracks that move, but neither as one nor as those around them."""
     points, visibility, moves = clip(BOX, (0, 0, 0))

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.labels import canonical_labels
+from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
@@ -220,6 +221,19 @@ def test_the_number_of_motions_is_found(scene):
         assert step.n_motions == n_motions
         if n_motions > found.chosen:
             assert step.log_odds < 0
+
+
+def test_a_number_that_does_not_hold_is_passed_over(scene, monkeypatch):
+    """What was met on the way says one motion too many; none of its partitions does."""
+    counts = np.arange(1, 9)
+    expected = found_in(scene, counts)
+    monkeypatch.setattr(module, "_n_apart", lambda *_: expected.chosen + 1)
+    found = found_in(scene, counts)
+    assert found.chosen == expected.chosen
+    assert found.steps[found.chosen + 1].log_odds <= 0
+    assert_allclose(
+        found.steps[found.chosen].labels, expected.steps[found.chosen].labels
+    )
 
 
 def test_the_number_that_is_asked_for_is_kept(scene):
