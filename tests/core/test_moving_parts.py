@@ -229,20 +229,20 @@ def test_without_parts_no_track_is_of_one():
 
 def test_a_region_of_several_motions_comes_apart_into_them():
     """Two things that touch: each is explained once the other is taken away."""
-    things = np.repeat([0, 1], [20, 10 + LEAST_TRACKS])
-    size = len(things)
-    pairs = np.array([(k, k + 1) for k in range(size - 1)])
+    things = np.repeat([0, 1], LEAST_TRACKS)
+    tracks = np.arange(len(things))
 
     class Touching(_Parts):
         def __init__(self):
-            self._pairs, self._scene = pairs, np.zeros(size)
+            self._pairs = np.stack([tracks[:-1], tracks[1:]], axis=1)
+            self._scene = np.zeros(len(things))
 
         def _explained(self, region, smooth=True):
             return things[region] == things[region].min()
 
-    parts, rest = Touching()._rigid_parts(np.ones(size, dtype=bool))
+    parts, rest = Touching()._rigid_parts(np.ones(len(things), dtype=bool))
     assert [set(things[part]) for part in parts] == [{0}, {1}]
-    assert_array_equal(np.sort(np.concatenate(parts)), np.arange(size))
+    assert_array_equal(np.sort(np.concatenate(parts)), tracks)
     assert not rest.any()
 
 

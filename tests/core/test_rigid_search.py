@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
@@ -28,6 +28,8 @@ from skmotionseg._core.partition.rigid_search import (
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
+
+ANY_NUMBER = np.arange(1, 9)
 
 
 @pytest.fixture(scope="module")
@@ -211,9 +213,14 @@ def found_in(scene, counts):
     )
 
 
-def test_the_number_of_motions_is_found(scene):
-    y = scene[-1]
-    found = found_in(scene, np.arange(1, 9))
+@pytest.fixture(scope="module")
+def any_number(scene):
+    """What is found where the number of motions is open."""
+    return found_in(scene, ANY_NUMBER)
+
+
+def test_the_number_of_motions_is_found(scene, any_number):
+    y, found = scene[-1], any_number
     assert found.chosen == y.max() + 1
     assert misclassification_error(y, found.steps[found.chosen].labels) < 0.03
     assert found.steps[found.chosen].log_odds > 0
@@ -223,17 +230,14 @@ def test_the_number_of_motions_is_found(scene):
             assert step.log_odds < 0
 
 
-def test_a_number_that_does_not_hold_is_passed_over(scene, monkeypatch):
+def test_a_number_that_does_not_hold_is_passed_over(scene, any_number, monkeypatch):
     """What was met on the way says one motion too many; none of its partitions does."""
-    counts = np.arange(1, 9)
-    expected = found_in(scene, counts)
-    monkeypatch.setattr(module, "_n_apart", lambda *_: expected.chosen + 1)
-    found = found_in(scene, counts)
-    assert found.chosen == expected.chosen
-    assert found.steps[found.chosen + 1].log_odds <= 0
-    assert_allclose(
-        found.steps[found.chosen].labels, expected.steps[found.chosen].labels
-    )
+    right = any_number.chosen
+    monkeypatch.setattr(module, "_n_apart", lambda *_: right + 1)
+    found = found_in(scene, ANY_NUMBER)
+    assert found.chosen == right
+    assert found.steps[right + 1].log_odds <= 0
+    assert_array_equal(found.steps[right].labels, any_number.steps[right].labels)
 
 
 def test_the_number_that_is_asked_for_is_kept(scene):

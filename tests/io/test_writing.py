@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import ast
-import io
 import json
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 from helpers.scripts import run_limited
 
 import skmotionseg
-from skmotionseg._commands import label_files
 from skmotionseg._utils.writing import (
     _store_names,
     check_output,
@@ -146,15 +143,3 @@ def test_writers_killed_at_any_line(tmp_path):
         assert not found["same"], name
         assert found["old"] > 5, name
         assert found["new"] > 1, name
-
-
-def test_a_frame_is_written_with_what_its_labels_are_sure_of():
-    file = io.BytesIO()
-    label_files.begin_observations(file, sure=True)
-    points = np.array([[10.25, 20.5], [3.0, 4.0]])
-    label_files.write_frame(file, 7, [4, 9], points, [1, -1], np.array([0.875, 0.5]))
-    assert file.getvalue().decode().splitlines() == [
-        "track,frame,x,y,label,probability",
-        "4,7,10.250,20.500,1,0.875",
-        "9,7,3.000,4.000,-1,0.500",
-    ]

@@ -18,7 +18,7 @@ from numpy.testing import assert_array_equal
 from rich.console import Console
 
 from skmotionseg import MotionSegmenter, __version__, unpack_tracks
-from skmotionseg._commands import runs
+from skmotionseg._commands import label_files, runs
 from skmotionseg._commands.console import with_progress
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_fbms59, load_tracks, make_rigid_motions
@@ -273,6 +273,18 @@ def test_segment_writes_how_sure_it_is(run, scene, scene_file, tmp_path, ending)
         assert out.read_text().startswith("track,label,probability\n0,")
         table = np.loadtxt(out, delimiter=",", skiprows=1)
         np.testing.assert_allclose(table[:, 2], expected, atol=5e-4)
+
+
+def test_a_frame_is_written_with_what_its_labels_are_sure_of():
+    file = io.BytesIO()
+    label_files.begin_observations(file, sure=True)
+    points = np.array([[10.25, 20.5], [3.0, 4.0]])
+    label_files.write_frame(file, 7, [4, 9], points, [1, -1], np.array([0.875, 0.5]))
+    assert file.getvalue().decode().splitlines() == [
+        "track,frame,x,y,label,probability",
+        "4,7,10.250,20.500,1,0.875",
+        "9,7,3.000,4.000,-1,0.500",
+    ]
 
 
 @pytest.mark.parametrize("axes", ["CoTracker", "either", "npy", "shares"])
@@ -561,6 +573,10 @@ ERRORS = {
     "segment {scene} --render nowhere/motions.png": "nowhere",
     "segment {scene} --report report.txt": "end in .* got report.txt",
     "segment {scene} --report nowhere/report.png": "nowhere",
+    "segment {long} --report report.png": (
+        "--report is for clips of up to 100 frames; .*long.npy has 101 "
+        r"\(--max-frames takes the first\)"
+    ),
     "segment {scene} --split-dir nowhere/motions": "nowhere",
     "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
     "segment {scene} --min-motions 3 --max-motions 2": "min_motions must not exceed",
@@ -585,11 +601,13 @@ def test_errors_are_one_line_and_come_first(
         "notes": tmp_path / "notes.txt",
         "other": tmp_path / "other.npz",
         "broken": tmp_path / "broken.npz",
+        "long": tmp_path / "long.npy",
         "scene": scene_file,
         "data": benchmarks,
     }
     paths["notes"].write_text("not tracks")
     np.savez(paths["other"], a=np.ones(3))
+    np.save(paths["long"], np.tile(np.arange(202.0), (12, 1)))
     paths["broken"].write_bytes(scene_file.read_bytes()[:1000])
     before = set(tmp_path.rglob("*"))
     code, printed, errors = run(*(part.format(**paths) for part in command.split()))
@@ -624,8 +642,13 @@ def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
         (["segment", "x.npz", "--motions", "0"], 'whole number, 1 or more, or "auto"'),
         (["segment", "x.npz", "--motions", "some"], "or \"auto\"; got 'some'"),
         (["segment", "x.npz", "--models", "flow"], "some of affine,homography,fund"),
-        (["segment", "x.npz", "--focal-length", "-5"], "above 0; got '-5'"),
-        (["segment", "x.npz", "--focal-length", "inf"], "above 0; got 'inf'"),
+        *(
+            (
+                ["segment", "x.npz", "--focal-length", given],
+                f"expected a number above 0; got {given!r}",
+            )
+            for given in ("-5", "0", "inf", "nan", "far")
+        ),
         (["segment", "x.npz", "--selection", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--datasets", "MNIST"], "invalid choice: 'MNIST'"),
@@ -703,22 +726,3 @@ def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
     assert code == 0
     names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
     assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))
-
-
-def test_a_report_of_a_long_clip_is_refused_before_any_work(tmp_path, run):
-    X, _ = make_rigid_motions(n_tracks=12, n_frames=101, random_state=0)
-    np.save(tmp_path / "clip.npy", X)
-    code, _, errors = run(
-        "segment", tmp_path / "clip.npy", "--report", tmp_path / "report.png"
-    )
-    assert code and "--report is for clips of up to 100 frames" in errors
-    assert "clip.npy has 101 (--max-frames takes the first)" in " ".join(errors.split())
-    assert not (tmp_path / "report.png").exists()
-
-
-@pytest.mark.parametrize("pixels", ["wide", "0", "-3", "inf", "nan"])
-def test_a_focal_length_is_a_number_above_0(pixels, capsys):
-    with pytest.raises(SystemExit):
-        main(["segment", "clip.npy", f"--focal-length={pixels}"])
-    words = f"expected a number above 0; got {pixels!r}"
-    assert words in " ".join(capsys.readouterr().err.split())
