@@ -45,6 +45,15 @@ def test_what_comes_out_is_what_went_in():
     np.testing.assert_array_equal(objects, kind > 0)
 
 
+def test_a_scene_of_few_tracks_tells_enough():
+    points, visibility, kind = clip((4.0, 0.0))
+    scene = np.flatnonzero(kind == 0)
+    few = np.isin(np.arange(len(kind)), scene[:: len(scene) // 25][:25])
+    kept = few | (kind > 0)
+    found = reappeared(points[kept], visibility[kept], kind[kept])
+    np.testing.assert_array_equal(found, [0, 1, 1])
+
+
 def test_the_numbers_do_not_say_which_was_first():
     points, visibility, kind = clip((4.0, 0.0))
     swapped = np.array([0, 2, 1])[kind]

@@ -46,6 +46,15 @@ def test_a_search_knows_the_costs_of_several_numbers():
     assert search_two_views(x[:10], y[:10], np.arange(1, 3), rng) is None
 
 
+def test_motions_are_found_as_long_as_they_pay():
+    X, _ = two_images([60, 50, 40, 30], 20)
+    x, to = ((X.reshape(-1, 2, 2) - 300) / 100).swapaxes(0, 1)
+    search = _Search(two_view_scene(two_views(x, to), 60), np.random.RandomState(0))
+    search.find_one_by_one(MOST_MOTIONS, 1)
+    costs = {count: found.cost for count, found in search.best.items()}
+    assert min(costs, key=costs.get) == 4
+
+
 @pytest.fixture(scope="module")
 def begun():
     """A search in two things and mismatches, and the motions of the things."""

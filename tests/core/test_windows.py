@@ -36,6 +36,19 @@ def test_windows_reach_from_the_first_frame_to_the_last(n_frames):
     assert (np.diff(frames, axis=1) == np.diff(frames, axis=1)[0, 0]).all()
 
 
+@pytest.mark.parametrize(
+    "n_frames, stride", [(6, 1), (10, 1), (11, 2), (16, 3), (40, 3)]
+)
+def test_frames_are_as_far_apart_as_a_clip_allows(n_frames, stride):
+    frames = window_frames(np.ones((5, n_frames), dtype=bool))
+    assert (np.diff(frames, axis=1) == stride).all()
+
+
+def test_frames_are_as_far_apart_as_tracks_allow():
+    visibility = np.arange(60) < np.full((5, 1), 12)  # five steps of two, not of three
+    assert (np.diff(window_frames(visibility), axis=1) == 2).all()
+
+
 def test_windows_are_short_where_tracks_are():
     visibility = np.zeros((40, 60), dtype=bool)
     for track in range(40):

@@ -17,7 +17,7 @@ SCALE_OF_NOISE = 2.0
 # Steps in which the first camera is improved.
 FIRST_STEPS = 5
 # Frames after which a young stream is searched again, as a clip of all of its frames.
-SEARCHED_AGAIN = 15, 22, 33
+SEARCHED_AGAIN = 15, 22, 33, 50
 
 
 class Calibration(NamedTuple):
