@@ -26,7 +26,7 @@ NEAR, REACH = 24.0, 6.0
 # Side of the cells of a colour grid: pixels, and levels of the CIELAB channels.
 COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
 # The most, in nats, that one kind of evidence may speak against a motion.
-MOST_FLOW, MOST_DISTANCE, MOST_COLOUR, MOST_LOOK = 4.0, 4.0, 3.0, 4.0
+MOST_FLOW, MOST_DISTANCE, MOST_COLOUR, MOST_LOOK, MOST_EXTENT = 4.0, 4.0, 3.0, 4.0, 3.0
 
 
 def pixels(shape):
@@ -319,6 +319,41 @@ def distance_evidence(counts):
             far[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
     logs = np.maximum(far - NEAR, 0) / -REACH
     return np.maximum(logs - logs.max(axis=0), -MOST_DISTANCE)
+
+
+def extent_evidence(points, labels, n_labels, shape):
+    """Log-odds of each motion by its share of the tracks, to those of the largest.
+
+    Where nothing else tells, as on a plain road beside a car, a pixel is more likely of
+    the motion that has more of the picture. In the convex hull of a motion's tracks
+    that does not count against it: things have plain surfaces, too.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2)
+        Tracks, pixels.
+    labels : ndarray of int, shape (n,)
+        Their motions, 0 to ``n_labels - 1``.
+    n_labels : int
+    shape : tuple of int
+        (height, width)
+
+    Returns
+    -------
+    ndarray of float32, shape (n_labels, height, width)
+        From ``-MOST_EXTENT`` to 0.
+    """
+    cv2 = require("cv2", extra="video")
+    shares = np.log(np.bincount(labels, minlength=n_labels) + 1)  # one more: never none
+    odds = np.maximum(shares - shares.max(), -MOST_EXTENT)
+    logs = np.empty((n_labels, *shape), dtype=np.float32)
+    places = np.rint(points).astype(np.int32)
+    for label, each in enumerate(odds):
+        logs[label] = each
+        own = places[labels == label]
+        if len(own):
+            cv2.fillConvexPoly(logs[label], cv2.convexHull(own), 0.0)
+    return logs
 
 
 # ----------------------------------------------------------------------------- colour

@@ -19,6 +19,7 @@ from ._evidence import (
     ColourGrid,
     appearance,
     distance_evidence,
+    extent_evidence,
     flow_agreement,
     flow_evidence,
     gradient_energy,
@@ -57,8 +58,9 @@ def dense_masks(
     that of the motion's tracks around it; if it looks as the place does to which these
     lead in one of those frames; if it is at the texture that one of them follows, and
     not far from all of them; if its colour is one that the motion has there; and if it
-    did in the frame before. A random walker weighs these, and lets masks end where the
-    picture has edges.
+    did in the frame before. Where none of these tell, as on a plain road beside a car,
+    it more likely belongs to the motion that has more tracks. A random walker weighs
+    all this, and lets masks end where the picture has edges.
 
     Frames are read one at a time and no more than three are held.
 
@@ -219,6 +221,7 @@ class _Painter:
         counts = track_counts(places, labels[seen], len(present), view.grey.shape)
         logs = self._flow_evidence(view, number, labels, len(present), energy)
         logs += distance_evidence(counts)
+        logs += extent_evidence(places, labels[seen], len(present), view.grey.shape)
         walk = self._decide(view, logs, counts, present)
         self._last, self._last_walk, self._last_present = view, walk, present
         return present, walk

@@ -19,6 +19,7 @@ from benchmarks import (
     peers,
     plain,
     reliability,
+    rendered,
     report,
     runner,
     scenes,
@@ -424,3 +425,21 @@ def test_streams_are_measured_beside_whole_clips(monkeypatch, capsys):
     assert stream == f"MTPV62: stream {errors[0]} (by seed {errors[0]})"
     assert whole == f"MTPV62: whole clip {errors[1]} (by seed {errors[1]})"
     assert max(map(float, errors)) < 20
+
+
+def test_masks_of_a_rendered_video_are_scored(monkeypatch, capsys):
+    pytest.importorskip("cv2")
+    monkeypatch.setattr(rendered, "N_FRAMES", 5)
+    video = rendered.render_video(0)
+    assert len(video.frames) == len(video.masks) == 5
+    assert video.frames[0].shape == (*video.masks[0].shape, 3)
+    tracks = np.array([[10.0, 10, 12, 10], [0, 0, 1, 0]])
+    masks = np.zeros((2, 20, 20), dtype=int)
+    masks[:, 8:12, 8:14] = 2
+    assert rendered.true_labels(tracks, masks).tolist() == [2, 0]
+    rendered.main(["--videos", "1"])
+    words = capsys.readouterr().out.split()
+    scores = [float(words[words.index(name) + 1]) for name in ("J", "recall")]
+    assert min(scores) > 50 and max(scores) <= 100
+    monkeypatch.setattr(rendered, "LEAST_PIXELS", np.inf)
+    assert rendered.measure(0) is None

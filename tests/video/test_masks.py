@@ -24,11 +24,13 @@ from skmotionseg.video import (
     track_video,
 )
 from skmotionseg.video._evidence import (
+    MOST_EXTENT,
     NEAR,
     REACH,
     ColourGrid,
     appearance,
     distance_evidence,
+    extent_evidence,
     fill,
     fit_affine,
     gradient_energy,
@@ -264,6 +266,34 @@ def test_a_motion_is_near_its_tracks_and_no_less_next_to_them():
     counts[1, 4, int(NEAR + REACH)] = 1
     beside = distance_evidence(counts)[:, 4]
     assert np.abs(beside[:, 8 : int(NEAR)]).max() == 0
+
+
+def test_what_nothing_tells_belongs_to_the_larger_motion_but_in_a_thing():
+    thing = np.array([[20.0, 20], [40, 20], [40, 30], [20, 30]])
+    wall = np.random.default_rng(0).uniform((0, 0), (99, 59), (45, 2))
+    labels = np.repeat([1, 0], [4, 45])
+    logs = extent_evidence(np.concatenate([thing, wall]), labels, 3, (60, 100))
+    assert (logs[0] == 0).all()
+    assert logs[1, 25, 30] == 0  # plain, between its tracks
+    assert logs[1, 50, 80] == pytest.approx(np.log(5 / 46))
+    assert (logs[2] == -MOST_EXTENT).all()  # has no tracks: log(1 / 46) is less
+    alike = extent_evidence(thing, np.array([0, 0, 1, 1]), 2, (60, 100))
+    assert (alike == 0).all()
+
+
+def test_a_thing_does_not_take_the_plain_wall_beside_it():
+    rng = np.random.default_rng(0)
+    frames = np.full((8, 120, 200, 3), 128, np.uint8)
+    texture = 128 + 300 * gaussian_filter(rng.normal(size=(120, 200)), 1.5)
+    grey = np.uint8(texture.clip(0, 255))
+    frames[:, :, :60] = grey[None, :, :60, None]  # the rest of the wall is plain
+    for number, frame in enumerate(frames):
+        frame[40:70, 90 + number : 120 + number] = grey[40:70, 90:120, None]
+    tracks = track_video(frames).tracks
+    labels = (tracks[:, 0] > 75).astype(int)
+    mask = list(dense_masks(frames, tracks, labels))[4]
+    assert mask[45:65, 98:120].mean() > 0.9
+    assert mask[:, 150:].mean() < 0.1
 
 
 def test_gaps_of_a_field_are_filled():
