@@ -32,25 +32,34 @@ class _SharedLimit:
 
     The number of BLAS threads belongs to the process. If each set it and set it back,
     the first to go would lift the limit of others, and the last restore a limit.
+    Both steps may be cut short by Ctrl-C: `leave` undoes what was done of `enter`, and
+    can be called again.
     """
 
     def __init__(self):
         self._lock = Lock()
-        self._n_users = 0
-        self._limiter: Any = None
+        self._users: set[object] = set()
+        self._originals: Any = None
 
-    def __enter__(self):
+    def enter(self, user: object):
         with self._lock:
-            if self._n_users == 0:
-                _, blas = _controllers()
-                self._limiter = blas.limit(limits=1)
-            self._n_users += 1
+            self._users.add(user)
+            if self._originals is None:
+                openmp, blas = _controllers()
+                # threadpoolctl lets no other thread set BLAS until the outermost
+                # `with` of this one ends. Another thread may be the last to leave.
+                with openmp.limit(limits=None):
+                    self._originals = blas.limit(limits=None)
+                    blas.limit(limits=1)
 
-    def __exit__(self, *error):
+    def leave(self, user: object):
         with self._lock:
-            self._n_users -= 1
-            if self._n_users == 0:
-                self._limiter.restore_original_limits()
+            self._users.discard(user)
+            if not self._users and self._originals is not None:
+                openmp, _ = _controllers()
+                with openmp.limit(limits=None):
+                    self._originals.restore_original_limits()
+                self._originals = None
 
 
 _one_blas_thread = _SharedLimit()
@@ -66,11 +75,17 @@ def single_threaded(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def limited(*args: P.args, **kwargs: P.kwargs) -> R:
-        openmp, _ = _controllers()
-        # The number of OpenMP threads belongs to the thread that sets it. This comes
-        # first because threadpoolctl lets one thread at a time set that of BLAS, from
-        # there to the end of its outermost `with`.
-        with openmp.limit(limits=1), _one_blas_thread:
-            return function(*args, **kwargs)
+        user = object()
+        try:
+            try:
+                _one_blas_thread.enter(user)
+                # The number of OpenMP threads belongs to the thread that sets it.
+                openmp, _ = _controllers()
+                with openmp.limit(limits=1):
+                    return function(*args, **kwargs)
+            finally:
+                _one_blas_thread.leave(user)
+        finally:  # Ctrl-C may have come in the midst of that
+            _one_blas_thread.leave(user)
 
     return limited

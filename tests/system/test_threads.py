@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from threading import Barrier, Event, Thread
+import sys
+from threading import Barrier, Event, Thread, current_thread, main_thread
 
 import pytest
+import threadpoolctl
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from skmotionseg._core.graph.lazy import lazy
+from skmotionseg._parallel import threads
 from skmotionseg._parallel.threads import single_threaded
 
 
@@ -96,6 +99,79 @@ def test_the_limit_holds_until_the_last_thread_has_left():
     with threadpool_limits(1):  # no thread keeps others from setting them
         assert set(blas_sizes()) == {1}
     assert blas_sizes() == before
+
+
+@pytest.mark.usefixtures("two_blas_threads")
+def test_another_thread_may_lift_the_limit_at_any_time(monkeypatch):
+    """Also while the thread that set it is about to leave, as after Ctrl-C."""
+    second_came, second_left = Event(), Event()
+    leave = threadpoolctl._ThreadpoolLimiter.__exit__
+
+    def leave_late(limiter, *error):
+        if current_thread() is main_thread() and second_came.is_set():
+            second_left.wait(timeout=30)
+        leave(limiter, *error)
+
+    @single_threaded
+    def first(thread):
+        thread.start()
+        second_came.wait()
+        first_is_done.set()
+
+    @single_threaded
+    def second():
+        second_came.set()
+        first_is_done.wait()
+
+    def run_second():
+        second()
+        second_left.set()
+
+    first_is_done = Event()
+    before = blas_sizes()
+    monkeypatch.setattr(threadpoolctl._ThreadpoolLimiter, "__exit__", leave_late)
+    thread = Thread(target=run_second)
+    first(thread)
+    thread.join()
+    assert blas_sizes() == before
+
+
+def interrupt_at(n_lines):
+    """A trace function that raises at a line of the limit, the n-th to be reached.
+
+    Python leaves a `with` on its first line again, where signals are not handled.
+    """
+    reached = set()
+
+    def trace_line(frame, event, _):
+        if event == "line":
+            reached.add((frame, frame.f_lineno))
+        if event == "line" and len(reached) == n_lines:
+            raise KeyboardInterrupt
+        return trace_line
+
+    def trace_call(frame, *_):
+        return trace_line if frame.f_code.co_filename == threads.__file__ else None
+
+    return trace_call
+
+
+@pytest.mark.usefixtures("two_blas_threads")
+def test_ctrl_c_at_any_line_leaves_no_limit():
+    before, tracing = blas_sizes(), sys.gettrace()
+    interrupted = 0
+    for n_lines in range(1, 100):
+        sys.settrace(interrupt_at(n_lines))
+        try:
+            single_threaded(blas_sizes)()
+        except KeyboardInterrupt:
+            interrupted += 1
+        finally:
+            sys.settrace(tracing)
+        assert blas_sizes() == before, f"interrupted at line {n_lines}"
+        assert threads._one_blas_thread._users == set()
+    assert 15 < interrupted < 99
+    assert set(single_threaded(blas_sizes)()) == {1}
 
 
 class Slow:
