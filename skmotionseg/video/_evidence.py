@@ -296,37 +296,8 @@ def texture_centres(energy):
     return steps[r:-r, r:-r]
 
 
-def distance_evidence(counts):
-    """Log-odds of each motion by how far its nearest track is, to the best's.
-
-    Within ``NEAR`` distances do not count: next to a thing, tracks of what is behind it
-    end, and it would reach out to where these begin again.
-
-    Parameters
-    ----------
-    counts : ndarray of float32, shape (n_labels, height, width)
-        As of :func:`track_counts`.
-
-    Returns
-    -------
-    ndarray of float32, shape (n_labels, height, width)
-        From ``-MOST_DISTANCE`` to 0.
-    """
-    cv2 = require("cv2", extra="video")
-    far = np.full_like(counts, sum(counts.shape[1:]))
-    for label, count in enumerate(counts):
-        if count.any():
-            far[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
-    logs = np.maximum(far - NEAR, 0) / -REACH
-    return np.maximum(logs - logs.max(axis=0), -MOST_DISTANCE)
-
-
-def extent_evidence(points, labels, n_labels, shape):
-    """Log-odds of each motion by its share of the tracks, to those of the largest.
-
-    Where nothing else tells, as on a plain road beside a car, a pixel is more likely of
-    the motion that has more of the picture. In the convex hull of a motion's tracks
-    that does not count against it: things have plain surfaces, too.
+def track_hulls(points, labels, n_labels, shape):
+    """Where the convex hull of the tracks of each motion is.
 
     Parameters
     ----------
@@ -340,20 +311,76 @@ def extent_evidence(points, labels, n_labels, shape):
 
     Returns
     -------
+    ndarray of uint8, shape (n_labels, height, width)
+        1 inside, 0 outside.
+    """
+    cv2 = require("cv2", extra="video")
+    hulls = np.zeros((n_labels, *shape), dtype=np.uint8)
+    places = np.rint(points).astype(np.int32)
+    for label, hull in enumerate(hulls):
+        own = places[labels == label]
+        if len(own):
+            cv2.fillConvexPoly(hull, cv2.convexHull(own), 1)
+    return hulls
+
+
+def distance_evidence(counts, hulls):
+    """Log-odds of each motion by how far its nearest track is, to the best's.
+
+    Within ``NEAR`` distances do not count: next to a thing, tracks of what is behind it
+    end, and it would reach out to where these begin again. Nor do they count against
+    the motion of most tracks where nothing else extends: a plain road is far from the
+    tracks of the scene, but not for the car on it.
+
+    Parameters
+    ----------
+    counts : ndarray of float32, shape (n_labels, height, width)
+        As of :func:`track_counts`.
+    hulls : ndarray of uint8, shape (n_labels, height, width)
+        As of :func:`track_hulls`.
+
+    Returns
+    -------
+    ndarray of float32, shape (n_labels, height, width)
+        From ``-MOST_DISTANCE`` to 0.
+    """
+    if not counts.any():
+        return np.zeros_like(counts)
+    cv2 = require("cv2", extra="video")
+    far = np.full_like(counts, sum(counts.shape[1:]))
+    for label, count in enumerate(counts):
+        if count.any():
+            far[label] = cv2.distanceTransform(np.uint8(count == 0), cv2.DIST_L2, 3)
+    logs = np.maximum(far - NEAR, 0) / -REACH
+    largest = counts.sum(axis=(1, 2)).argmax()
+    others = np.delete(hulls, largest, axis=0).max(axis=0, initial=0)
+    window = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (TRACK_WINDOW, TRACK_WINDOW))
+    logs[largest] *= cv2.dilate(others, window)
+    return np.maximum(logs - logs.max(axis=0), -MOST_DISTANCE)
+
+
+def extent_evidence(counts, hulls):
+    """Log-odds of each motion by its share of the tracks, to those of the largest.
+
+    Where nothing else tells, as on a plain road beside a car, a pixel is more likely of
+    the motion that has more of the picture. In the convex hull of a motion's tracks
+    that does not count against it: things have plain surfaces, too.
+
+    Parameters
+    ----------
+    counts : ndarray of float32, shape (n_labels, height, width)
+        As of :func:`track_counts`.
+    hulls : ndarray of uint8, shape (n_labels, height, width)
+        As of :func:`track_hulls`.
+
+    Returns
+    -------
     ndarray of float32, shape (n_labels, height, width)
         From ``-MOST_EXTENT`` to 0.
     """
-    cv2 = require("cv2", extra="video")
-    shares = np.log(np.bincount(labels, minlength=n_labels) + 1)  # one more: never none
+    shares = np.log(counts.sum(axis=(1, 2)) + 1)  # one more: never none
     odds = np.maximum(shares - shares.max(), -MOST_EXTENT)
-    logs = np.empty((n_labels, *shape), dtype=np.float32)
-    places = np.rint(points).astype(np.int32)
-    for label, each in enumerate(odds):
-        logs[label] = each
-        own = places[labels == label]
-        if len(own):
-            cv2.fillConvexPoly(logs[label], cv2.convexHull(own), 0.0)
-    return logs
+    return np.where(hulls, 0, odds[:, None, None]).astype(np.float32)
 
 
 # ----------------------------------------------------------------------------- colour
@@ -412,6 +439,8 @@ class ColourGrid:
     def evidence(self, seen, probabilities, cells):
         """Log-odds of each motion by the colours around, relative to the best.
 
+        Pixels count by how much more likely they are of a motion than not.
+
         Parameters
         ----------
         seen : ndarray of int, shape (height, width)
@@ -427,8 +456,9 @@ class ColourGrid:
             From ``-MOST_COLOUR`` to 0.
         """
         n_cells = int(np.prod(self._shape))
+        sure = np.maximum(2 * probabilities - 1, 0)
         counts = np.stack(
-            [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in probabilities]
+            [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in sure]
         ).astype(np.float32)
         counts = counts.reshape(-1, *self._shape)
         filled = self._filled(counts)

@@ -27,6 +27,7 @@ from ._evidence import (
     texture_centres,
     texture_trust,
     track_counts,
+    track_hulls,
     warp,
 )
 from ._frames import SMALLEST_SIDE, Progress, Source, first_frames, open_frames
@@ -220,8 +221,8 @@ class _Painter:
         places = places + sample_field(texture_centres(energy), places)
         counts = track_counts(places, labels[seen], len(present), view.grey.shape)
         logs = self._flow_evidence(view, number, labels, len(present), energy)
-        logs += distance_evidence(counts)
-        logs += extent_evidence(places, labels[seen], len(present), view.grey.shape)
+        hulls = track_hulls(places, labels[seen], len(present), view.grey.shape)
+        logs += distance_evidence(counts, hulls) + extent_evidence(counts, hulls)
         walk = self._decide(view, logs, counts, present)
         self._last, self._last_walk, self._last_present = view, walk, present
         return present, walk

@@ -24,9 +24,11 @@ from skmotionseg.video import (
     track_video,
 )
 from skmotionseg.video._evidence import (
+    MOST_DISTANCE,
     MOST_EXTENT,
     NEAR,
     REACH,
+    TRACK_WINDOW,
     ColourGrid,
     appearance,
     distance_evidence,
@@ -37,6 +39,8 @@ from skmotionseg.video._evidence import (
     motion_field,
     motion_fields,
     texture_centres,
+    track_counts,
+    track_hulls,
 )
 from skmotionseg.video._grid import sample_field
 from skmotionseg.video._random_walk import edge_weights, random_walk
@@ -259,25 +263,41 @@ def test_points_before_a_plain_wall_go_to_the_outline_that_they_follow():
 def test_a_motion_is_near_its_tracks_and_no_less_next_to_them():
     counts = np.zeros((2, 9, 200), np.float32)
     counts[0, 4, 0] = counts[1, 4, 199] = 1
-    logs = distance_evidence(counts)[:, 4]
+    everywhere = np.ones(counts.shape, np.uint8)
+    logs = distance_evidence(counts, everywhere)[:, 4]
     assert logs.max(axis=0).max() == 0
     assert logs[1, 20] < -3 and logs[0, 180] < -3
     counts[1] = 0
     counts[1, 4, int(NEAR + REACH)] = 1
-    beside = distance_evidence(counts)[:, 4]
+    beside = distance_evidence(counts, everywhere)[:, 4]
     assert np.abs(beside[:, 8 : int(NEAR)]).max() == 0
+
+
+def test_the_scene_is_not_far_where_no_thing_extends():
+    counts = np.zeros((2, 60, 300), np.float32)
+    counts[0, ::9, 0:40:9] = 1  # the rest of the scene is plain
+    thing = np.array([[100.0, 20], [180, 20], [180, 40], [100, 40]])
+    counts[(1, *thing.astype(int)[:, ::-1].T)] = 1
+    hulls = track_hulls(thing, np.ones(4, int), 2, (60, 300))
+    logs = distance_evidence(counts, hulls)[:, 30]
+    assert logs[0, 100:180].max() == -MOST_DISTANCE  # in the thing, as it was
+    assert (logs[0, 200:] == 0).all() and logs[1, 250] == -MOST_DISTANCE
+    assert logs[0, 180 + TRACK_WINDOW // 2] < 0  # tracks stand within the outline
 
 
 def test_what_nothing_tells_belongs_to_the_larger_motion_but_in_a_thing():
     thing = np.array([[20.0, 20], [40, 20], [40, 30], [20, 30]])
     wall = np.random.default_rng(0).uniform((0, 0), (99, 59), (45, 2))
-    labels = np.repeat([1, 0], [4, 45])
-    logs = extent_evidence(np.concatenate([thing, wall]), labels, 3, (60, 100))
+    labels, points = np.repeat([1, 0], [4, 45]), np.concatenate([thing, wall])
+    counts = track_counts(points, labels, 3, (60, 100))
+    hulls = track_hulls(points, labels, 3, (60, 100))
+    assert hulls[1].sum() == 21 * 11 and not hulls[2].any()
+    logs = extent_evidence(counts, hulls)
     assert (logs[0] == 0).all()
     assert logs[1, 25, 30] == 0  # plain, between its tracks
     assert logs[1, 50, 80] == pytest.approx(np.log(5 / 46))
     assert (logs[2] == -MOST_EXTENT).all()  # has no tracks: log(1 / 46) is less
-    alike = extent_evidence(thing, np.array([0, 0, 1, 1]), 2, (60, 100))
+    alike = extent_evidence(counts[[1, 1]], 0 * hulls[:2])
     assert (alike == 0).all()
 
 
@@ -348,6 +368,9 @@ def test_colours_tell_motions_apart_where_they_are():
     logs = grid.evidence(cells, known, cells)
     assert (logs[0, :, :32] == 0).all() and (logs[1, :, 32:] == 0).all()
     assert logs[1, :, :32].max() < -2 and logs[0, :, 32:].max() < -2
+    known[:, :, :32] = 0.5  # of which nobody knows the motion, so nothing is learnt
+    logs = grid.evidence(cells, known, cells)
+    assert (logs[:, :, :16] == 0).all() and logs[0, :, 32:].max() < -2
 
 
 # -------------------------------------------------------------------- files, pictures
