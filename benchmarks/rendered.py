@@ -5,8 +5,8 @@
 A camera moves over a wall of patches, of which some are plain and some are not; before
 it go things of patches of their own, some with a shadow that darkens the wall. What is
 plain gets few tracks, as roads, walls and the sides of cars do. Tracks are those of
-:func:`track_video`, and their labels are true: what is measured is the step from tracks
-to pixels alone.
+:func:`track_video`, and their labels those of the motions that they follow: what is
+measured is the step from tracks to pixels alone.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from skmotionseg.video import dense_masks, track_video
 HEIGHT, WIDTH, N_FRAMES = 270, 480, 12
 # Patches of a wall and of a thing, and standard deviations (low, high) of their
 # texture, in grey levels: logarithms are uniform.
-PATCHES, TEXTURE = {"wall": 14, "thing": 5}, (0.1, 15.0)
+PATCHES, TEXTURE = {"wall": 14, "thing": 5}, (2.0, 60.0)
 # Shares of the picture (low, high) that a thing takes, and how far its outline is from
 # round.
 SIZES, ROUGHNESS = (0.01, 0.2), 0.25
@@ -38,7 +38,7 @@ SHADOW, NOISE = 0.6, 2.0
 LEAST_PIXELS, FRAMES_BETWEEN = 100, 4
 # Standard deviations of the brightness of patches, and of their colour channels about
 # it, grey levels; quality with which frames are compressed, 0 to 100.
-BRIGHTNESS, COLOUR, QUALITY = 30.0, 8.0, 60
+BRIGHTNESS, COLOUR, QUALITY = 20.0, 6.0, 60
 
 
 class RenderedVideo(NamedTuple):
@@ -49,10 +49,14 @@ class RenderedVideo(NamedTuple):
     frames : list of ndarray of uint8, shape (HEIGHT, WIDTH, 3)
     masks : ndarray of int, shape (N_FRAMES, HEIGHT, WIDTH)
         0 for the wall, 1, 2, ... for things.
+    layers : list
+        The wall and the things, whose ``places(points, frame)`` are those of points of
+        a frame on the plane.
     """
 
     frames: list
     masks: np.ndarray
+    layers: list
 
 
 def render_video(seed: int) -> RenderedVideo:
@@ -88,7 +92,7 @@ def render_video(seed: int) -> RenderedVideo:
         noisy = noisy + rng.normal(scale=NOISE, size=noisy.shape)
         frames.append(_compressed(noisy.clip(0, 255).astype(np.uint8)))
         masks.append(mask)
-    return RenderedVideo(frames, np.array(masks))
+    return RenderedVideo(frames, np.array(masks), [wall, *things])
 
 
 def _compressed(frame):
@@ -126,18 +130,19 @@ class _Layer:
         self._speed = speed * np.array([np.cos(way), np.sin(way)])
         self._turn, self._zoom = rng.normal(scale=(np.radians(TURNS), ZOOM))
 
+    def places(self, points, number):
+        """Where points (..., 2) of the picture are on the plane in a frame."""
+        after = number - (N_FRAMES - 1) / 2
+        middle = np.array([WIDTH, HEIGHT]) / 2 + self._centre + after * self._speed
+        x, y = np.moveaxis(points - middle, -1, 0)
+        scale, angle = np.exp(-self._zoom * after), self._turn * after
+        cos, sin = scale * np.cos(angle), scale * np.sin(angle)
+        return np.stack([cos * x + sin * y, cos * y - sin * x], axis=-1)
+
     def seen(self, number):
         """Its colours (HEIGHT, WIDTH, 3) in a frame, and where it is: bool."""
-        after = number - (N_FRAMES - 1) / 2
-        y, x = np.mgrid[:HEIGHT, :WIDTH].astype(float)
-        x -= WIDTH / 2 + self._centre[0] + after * self._speed[0]
-        y -= HEIGHT / 2 + self._centre[1] + after * self._speed[1]
-        scale = np.exp(-self._zoom * after)
-        cos, sin = (
-            scale * np.cos(self._turn * after),
-            scale * np.sin(self._turn * after),
-        )
-        at = np.stack([cos * x + sin * y, cos * y - sin * x], axis=2)
+        y, x = np.mgrid[:HEIGHT, :WIDTH]
+        at = self.places(np.stack([x, y], axis=2), number)
         patch = KDTree(self._sites).query(at)[1]
         texture = self._levels[patch] * _between(self._noise, at)
         return self._colours[patch] + texture[..., None], self._inside(at)
@@ -166,26 +171,27 @@ def _between(noise, at):
     return top * (1 - down) + bottom * down
 
 
-def true_labels(tracks, masks):
-    """The motion that each track is on in most of its frames.
+def true_labels(tracks, layers):
+    """The motion that each track follows: in a shadow, that of what casts it.
 
     Parameters
     ----------
     tracks : ndarray of shape (n_tracks, 2 * n_frames)
-    masks : ndarray of int, shape (n_frames, height, width)
+    layers : list
+        As of :class:`RenderedVideo`.
 
     Returns
     -------
     ndarray of int, shape (n_tracks,)
+        Of the plane on which its places are most alike.
     """
     points, seen = unpack_tracks(tracks)
-    counts = np.zeros((len(points), masks.max() + 1), dtype=int)
-    for frame, mask in enumerate(masks):
-        rows = np.flatnonzero(seen[:, frame])
-        x, y = np.rint(points[rows, frame]).astype(int).T
-        inside = y.clip(0, mask.shape[0] - 1), x.clip(0, mask.shape[1] - 1)
-        np.add.at(counts, (rows, mask[inside]), 1)
-    return counts.argmax(axis=1)
+    points = np.where(seen[..., None], points, np.nan)
+    spread = []
+    for layer in layers:
+        places = [layer.places(points[:, n], n) for n in range(points.shape[1])]
+        spread.append(np.nanvar(places, axis=0).sum(axis=1))
+    return np.argmin(spread, axis=0)
 
 
 def measure(seed: int) -> dict | None:
@@ -204,7 +210,7 @@ def measure(seed: int) -> dict | None:
     """
     video = render_video(seed)
     tracks = track_video(video.frames).tracks
-    labels = true_labels(tracks, video.masks)
+    labels = true_labels(tracks, video.layers)
     found = np.array(list(dense_masks(video.frames, tracks, labels)))
     rows = []
     for label in np.unique(video.masks)[1:]:
