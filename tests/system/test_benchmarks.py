@@ -7,6 +7,7 @@ import time
 
 import numpy as np
 import pytest
+from scipy import optimize
 from sklearn.utils import Bunch
 from threadpoolctl import threadpool_limits
 
@@ -427,16 +428,27 @@ def test_streams_are_measured_beside_whole_clips(monkeypatch, capsys):
     assert max(map(float, errors)) < 20
 
 
+def follow(layer, n_frames):
+    """Where the point of a layer that is at (100, 80) in frame 0 is later."""
+    wanted = layer.places(np.array([100.0, 80]), 0)
+    found = [
+        optimize.root(lambda at, n=n: layer.places(at, n) - wanted, [100.0, 80]).x
+        for n in range(n_frames)
+    ]
+    np.testing.assert_allclose(found[0], [100, 80], atol=1e-6)
+    return np.array(found)
+
+
 def test_masks_of_a_rendered_video_are_scored(monkeypatch, capsys):
     pytest.importorskip("cv2")
     monkeypatch.setattr(rendered, "N_FRAMES", 5)
     video = rendered.render_video(0)
     assert len(video.frames) == len(video.masks) == 5
     assert video.frames[0].shape == (*video.masks[0].shape, 3)
-    tracks = np.array([[10.0, 10, 12, 10], [0, 0, 1, 0]])
-    masks = np.zeros((2, 20, 20), dtype=int)
-    masks[:, 8:12, 8:14] = 2
-    assert rendered.true_labels(tracks, masks).tolist() == [2, 0]
+    tracks = np.array([follow(layer, 5) for layer in video.layers])
+    tracks[:, 2] = np.nan
+    labels = rendered.true_labels(tracks.reshape(len(tracks), -1), video.layers)
+    assert labels.tolist() == list(range(len(video.layers))) and len(labels) > 1
     rendered.main(["--videos", "1"])
     words = capsys.readouterr().out.split()
     scores = [float(words[words.index(name) + 1]) for name in ("J", "recall")]
