@@ -16,7 +16,7 @@ FLOW_TEXTURE = 2.0
 # Standard deviation of grey values from frame to frame; side of the window, pixels, in
 # which pictures are compared; squared deviations from which on they are all the same;
 # and how many pixels a window is worth, as neighbours repeat each other.
-GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 8.0
+GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 16.0
 # Side of the window, pixels, whose texture a track is taken to follow: somewhat more
 # than that of the tracker, as what is begun by dense optical flow follows more.
 TRACK_WINDOW = 15

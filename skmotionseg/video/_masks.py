@@ -37,9 +37,9 @@ from ._random_walk import edge_weights, random_walk
 # How strongly neighbours of one colour are tied, and the share that an edge leaves.
 TIES, TIES_ACROSS_EDGES = 10.0, 0.02
 # How strongly pixels are drawn to what the evidence says of them, and to their tracks.
-EVIDENCE, TRACK_EVIDENCE = 0.15, 8.0
+EVIDENCE, TRACK_EVIDENCE = 0.3, 8.0
 # Weight of the log-odds by colours, which repeat what flow and tracks have said.
-COLOUR_WEIGHT = 0.35
+COLOUR_WEIGHT = 0.7
 # The most, in nats, that the last frame may speak against a motion.
 MOST_PAST = 3.0
 MOST_LABELS = 255
