@@ -16,13 +16,13 @@ FLOW_TEXTURE = 2.0
 # Standard deviation of grey values from frame to frame; side of the window, pixels, in
 # which pictures are compared; squared deviations from which on they are all the same;
 # and how many pixels a window is worth, as neighbours repeat each other.
-GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 16.0
+GREY_NOISE, LOOK, MOST_MISS, LOOK_WORTH = 3.0, 5, 9.0, 25.0
 # Side of the window, pixels, whose texture a track is taken to follow: somewhat more
 # than that of the tracker, as what is begun by dense optical flow follows more.
 TRACK_WINDOW = 15
 # Pixels from its nearest track at which a motion is as likely as on it; and over which
 # it becomes less so beyond, by a factor e.
-NEAR, REACH = 24.0, 6.0
+NEAR, REACH = 48.0, 10.0
 # Side of the cells of a colour grid: pixels, and levels of the CIELAB channels.
 COLOUR_CELL, COLOUR_STEPS = 32, (20, 10, 10)
 # The most, in nats, that one kind of evidence may speak against a motion.
@@ -460,6 +460,8 @@ class ColourGrid:
         counts = np.stack(
             [np.bincount(seen.ravel(), p.ravel(), n_cells) for p in sure]
         ).astype(np.float32)
+        if not counts.any():  # no pixel is likelier of one motion than not
+            return np.zeros_like(probabilities)
         counts = counts.reshape(-1, *self._shape)
         filled = self._filled(counts)
         counts[filled] = _smoothed(counts[filled])

@@ -35,11 +35,11 @@ from ._grid import sample_field
 from ._random_walk import edge_weights, random_walk
 
 # How strongly neighbours of one colour are tied, and the share that an edge leaves.
-TIES, TIES_ACROSS_EDGES = 10.0, 0.02
+TIES, TIES_ACROSS_EDGES = 10.0, 0.005
 # How strongly pixels are drawn to what the evidence says of them, and to their tracks.
-EVIDENCE, TRACK_EVIDENCE = 0.3, 8.0
+EVIDENCE, TRACK_EVIDENCE = 0.3, 2.0
 # Weight of the log-odds by colours, which repeat what flow and tracks have said.
-COLOUR_WEIGHT = 0.7
+COLOUR_WEIGHT = 1.0
 # The most, in nats, that the last frame may speak against a motion.
 MOST_PAST = 3.0
 MOST_LABELS = 255

@@ -274,15 +274,15 @@ def test_a_motion_is_near_its_tracks_and_no_less_next_to_them():
 
 
 def test_the_scene_is_not_far_where_no_thing_extends():
-    counts = np.zeros((2, 60, 300), np.float32)
+    counts = np.zeros((2, 60, 500), np.float32)
     counts[0, ::9, 0:40:9] = 1  # the rest of the scene is plain
-    thing = np.array([[100.0, 20], [180, 20], [180, 40], [100, 40]])
+    thing = np.array([[150.0, 20], [230, 20], [230, 40], [150, 40]])
     counts[(1, *thing.astype(int)[:, ::-1].T)] = 1
-    hulls = track_hulls(thing, np.ones(4, int), 2, (60, 300))
+    hulls = track_hulls(thing, np.ones(4, int), 2, (60, 500))
     logs = distance_evidence(counts, hulls)[:, 30]
-    assert logs[0, 100:180].max() == -MOST_DISTANCE  # in the thing, as it was
-    assert (logs[0, 200:] == 0).all() and logs[1, 250] == -MOST_DISTANCE
-    assert logs[0, 180 + TRACK_WINDOW // 2] < 0  # tracks stand within the outline
+    assert logs[0, 150:230].max() == -MOST_DISTANCE  # in the thing, as it was
+    assert (logs[0, 250:] == 0).all() and logs[1, 350] == -MOST_DISTANCE
+    assert logs[0, 230 + TRACK_WINDOW // 2] < 0  # tracks stand within the outline
 
 
 def test_what_nothing_tells_belongs_to_the_larger_motion_but_in_a_thing():
@@ -371,6 +371,7 @@ def test_colours_tell_motions_apart_where_they_are():
     known[:, :, :32] = 0.5  # of which nobody knows the motion, so nothing is learnt
     logs = grid.evidence(cells, known, cells)
     assert (logs[:, :, :16] == 0).all() and logs[0, :, 32:].max() < -2
+    assert (grid.evidence(cells, known * 0 + 0.5, cells) == 0).all()
 
 
 # -------------------------------------------------------------------- files, pictures
