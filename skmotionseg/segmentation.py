@@ -32,7 +32,7 @@ from ._core.graph.fusion import check_fusion
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels, follow_pairs
 from ._core.partition.motions import fit_motions
-from ._core.partition.scene import background_motion
+from ._core.partition.scene import background_motion, spread_frames
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
 from ._parallel.threads import single_threaded
 from ._segmenter.landmarks import choose_landmarks
@@ -237,8 +237,9 @@ estimator, default="description_length"
     windows_ : ndarray of int, shape (n_windows, 2)
         Only for clips of more than 100 frames: first and last frame of each. Such a fit
         has ``labels_``, ``label_reasons_``, ``probabilities_`` (shares of the frames in
-        which a track was found in its motion), ``n_motions_``, ``stage_seconds_``
-        ("windows" and "total"), this and the two that follow, and none of the others.
+        which a track was found in its motion), ``n_motions_``, ``background_``,
+        ``stage_seconds_`` ("windows" and "total"), this and the two that follow, and
+        none of the others.
     window_counts_ : ndarray of int, shape (n_windows,)
         Number of motions found in each window. Others may be out of view.
     window_confidences_ : ndarray of shape (n_windows,)
@@ -445,6 +446,10 @@ estimator, default="description_length"
         self.windows_, self.window_counts_ = found.windows, found.counts
         self.window_confidences_ = found.surely
         self.n_motions_ = int(found.labels.max(initial=-1)) + 1
+        some = clip.frames[spread_frames(clip.n_frames)]
+        points = np.concatenate([*points_in_batches(X, some)])
+        visibility = ~np.isnan(points[..., 0])
+        self.background_ = _background(points, visibility, found.labels)
         seen_often = clip.times > self.frame_gap
         placed = np.where(seen_often, 0, -1)
         self.label_reasons_ = label_reasons(found.labels, placed, seen_often)

@@ -41,6 +41,7 @@ def test_motions_of_a_long_clip(X, fitted):
     assert_array_equal(fitted.predict(tracks[::3]), fitted.labels_[::3])
     assert ((fitted.probabilities_ > 0) == (fitted.labels_ >= 0)).all()
     assert set(fitted.label_reasons_[fitted.labels_ < 0]) <= {"outlier", "too short"}
+    assert (fitted.labels_[things == 0] == fitted.background_).mean() > 0.98
     assert not hasattr(fitted, "views_")
 
 

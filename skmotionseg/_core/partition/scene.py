@@ -61,7 +61,7 @@ def background_motion(points, visibility, labels, size):
     if len(names) == 0:
         return -1
     extents = np.zeros(len(names))
-    for frame in _spread_frames(points.shape[1]):
+    for frame in spread_frames(points.shape[1]):
         seen = visibility[:, frame] & (labels >= 0)
         if seen.any():
             places = np.searchsorted(names, labels[seen])
@@ -69,7 +69,8 @@ def background_motion(points, visibility, labels, size):
     return int(names[extents.argmax()])
 
 
-def _spread_frames(n_frames):
+def spread_frames(n_frames):
+    """Frames, evenly spread, in which extents are compared: no more than 25."""
     return np.unique(
         np.linspace(0, n_frames - 1, min(n_frames, 25)).round().astype(int)
     )
