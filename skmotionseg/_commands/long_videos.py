@@ -9,24 +9,27 @@ from sklearn.utils import check_random_state
 from .._segmenter.long_clips import segment_in_windows
 from .console import facts_table, reporting
 from .label_files import write_labels_by_frame
+from .long_objects import find_objects_in_blocks
+from .mask_files import make_folders, write_mask
 
 # Folder of what windows have given, within that of a run.
 WINDOWS = "windows"
 
 
-def segment_stored(segmenter, clip, arguments, console, progress):
-    """Segment a long video whose tracks are stored, and write its labels.
+def segment_stored(run, clip, frames):
+    """Segment a long video whose tracks are stored, and write its labels and masks.
 
     Parameters
     ----------
-    segmenter : MotionSegmenter
-        Not fitted. The labels are those that it would give to the matrix of the tracks
+    run : tuple
+        Arguments, what segments, and consoles for what is found and for how far it is.
+        The labels are those that the segmenter would give to the matrix of the tracks
         if each frame sees some.
     clip : StoredClip
-    arguments : argparse.Namespace
-    console, progress : rich.console.Console
-        For what is found, and for how far it is.
+    frames : Frames
+        Of the video.
     """
+    arguments, segmenter, console, progress = run
     started = time.perf_counter()
     rng = check_random_state(segmenter.random_state)
     with reporting("windows", progress) as report:
@@ -39,9 +42,29 @@ def segment_stored(segmenter, clip, arguments, console, progress):
         ("motions per window", f"{found.counts.min()} to {found.counts.max()}"),
         ("seconds segmenting", f"{time.perf_counter() - started:.3f}"),
     ]
+    if arguments.masks is not None or arguments.static_masks is not None:
+        masked = time.perf_counter()
+        _write_masks(arguments, frames, clip, found.labels, progress)
+        facts.append(("seconds for masks", f"{time.perf_counter() - masked:.3f}"))
     if arguments.out is not None:
         sure = found.shares if arguments.confidence else None
         write_labels_by_frame(arguments.out, clip, found.labels, sure)
     console.print(facts_table(arguments.file.name, facts))
     if arguments.out is not None:
         console.print(f"labels: {arguments.out}", highlight=False)
+
+
+def _write_masks(arguments, frames, clip, labels, console):
+    """Write masks of things that are found in blocks of frames."""
+    from ..video._checks import make_reporter
+    from ..video._frames import first_frames
+    from ..video._masks import paint_masks
+
+    with reporting("objects", console) as report:
+        objects = find_objects_in_blocks(clip, labels, report)
+    make_folders(arguments)
+    with reporting("masks", console) as progress:
+        report = make_reporter(progress, clip.n_frames)
+        pictures = first_frames(frames, clip.n_frames, report)
+        for number, mask in enumerate(paint_masks(pictures, clip.frames(), objects)):
+            write_mask(arguments, frames.name_of(number), mask)

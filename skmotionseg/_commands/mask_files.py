@@ -82,14 +82,12 @@ def write_masks(arguments, frames, sequence, objects, console):
         return None
     from ..video import dense_masks
 
-    for folder in (arguments.masks, arguments.static_masks):
-        if folder is not None:
-            folder.mkdir(exist_ok=True)
+    make_folders(arguments)
     started, kept = time.perf_counter(), []
     with reporting("masks", console) as progress:
         masks = dense_masks(frames, sequence.data, objects, progress=progress)
         for number, mask in enumerate(masks):
-            _write_mask(arguments, frames.name_of(number), mask)
+            write_mask(arguments, frames.name_of(number), mask)
             if drawn:
                 kept.append(zlib.compress(mask.tobytes(), 1))
     sequence.seconds["masks"] = time.perf_counter() - started
@@ -99,7 +97,15 @@ def write_masks(arguments, frames, sequence, objects, console):
     )
 
 
-def _write_mask(arguments, name, mask):
+def make_folders(arguments):
+    """Make the folders that masks are written to."""
+    for folder in (arguments.masks, arguments.static_masks):
+        if folder is not None:
+            folder.mkdir(exist_ok=True)
+
+
+def write_mask(arguments, name, mask):
+    """Write the mask of the frame of that name to the folders that are asked for."""
     if arguments.masks is not None:
         with replacing(arguments.masks / f"{Path(name).stem}.png") as file:
             file.write(encode_labels(mask))

@@ -29,7 +29,7 @@ from .pictures import draw
 from .video_tracks import (
     folder_of,
     goes_in_blocks,
-    needs_whole,
+    longest_whole,
     open_video,
     track_at_once,
     track_to,
@@ -151,7 +151,7 @@ def _segment(arguments):
 
 def _segment_video(run):
     """Track a video; segment its tracks at once, or those of a long one in windows."""
-    arguments, segmenter, console, progress = run
+    arguments, segmenter, _, progress = run
     started = time.perf_counter()
     frames = open_video(arguments)
     if not goes_in_blocks(arguments, frames):
@@ -161,8 +161,8 @@ def _segment_video(run):
             clip = track_to(folder, arguments, frames, progress)
             if arguments.resume is not None:
                 segmenter.set_params(memory=folder / WINDOWS)
-            if clip.n_frames > LONG_CLIP and not needs_whole(arguments):
-                segment_stored(segmenter, clip, arguments, console, progress)
+            if clip.n_frames > longest_whole(arguments):
+                segment_stored(run, clip, frames)
                 return
             tracks, size = clip.matrix(), clip.size
     sequence = _sequence(arguments, frames, tracks, size)

@@ -210,7 +210,7 @@ class StoredClip:
             for corner in (points[kept[ids]].min(axis=0), points[kept[ids]].max(axis=0))
         ]
         self.extent = extent_of(corners)
-        self.parts = [self._part(*ends) for ends in window_ends(stored.n_frames)]
+        self.parts = [self.part(*ends) for ends in window_ends(stored.n_frames)]
 
     @property
     def size(self):
@@ -241,8 +241,8 @@ class StoredClip:
             points[rows, frame] = where
         return pack_tracks(points)
 
-    def _part(self, start, stop):
-        """A window, and the tracks that are seen enough in it."""
+    def part(self, start, stop):
+        """Some frames, and the tracks that are seen often enough in them."""
         seen = [ids for ids, _ in self._stored.frames(start, stop)]
         ids, times = np.unique(np.concatenate(seen), return_counts=True)
         rows = self.rows[ids[times >= FEWEST_SEEN]]

@@ -16,16 +16,10 @@ from ..video._tracking import MAX_ERROR, MIN_TEXTURE
 from .console import reporting
 from .stored_tracks import StoredClip, StoredTracks, track_into
 
-# Outputs for which all tracks are needed at once, in memory.
-WHOLE = (
-    "render",
-    "report",
-    "split_dir",
-    "masks",
-    "static_masks",
-    "prompts",
-    "viewer",
-)
+# Outputs for which all tracks are needed at once, in memory; those for which they are
+# in videos of up to so many frames only, longer ones being taken in blocks.
+WHOLE = ("render", "report", "split_dir", "prompts", "viewer")
+MASKS, LONGEST_WHOLE = ("masks", "static_masks"), 500
 
 
 def open_video(arguments):
@@ -39,8 +33,8 @@ def open_video(arguments):
 def goes_in_blocks(arguments, frames):
     """Whether the tracks of a video are kept in files: it is long, or may go on."""
     length = _expected(arguments, frames)
-    is_long = length is None or length > LONG_CLIP
-    return arguments.resume is not None or (is_long and not needs_whole(arguments))
+    is_long = length is None or length > longest_whole(arguments)
+    return arguments.resume is not None or is_long
 
 
 def _expected(arguments, frames):
@@ -49,10 +43,16 @@ def _expected(arguments, frames):
     return min(some, default=None)
 
 
-def needs_whole(arguments):
-    """Whether an output needs all tracks in memory."""
+def longest_whole(arguments):
+    """Frames of the longest video whose tracks are taken into memory at once."""
+
+    def wanted(names):
+        return any(getattr(arguments, name) is not None for name in names)
+
     as_matrix = arguments.out is not None and arguments.out.suffix.lower() == ".npz"
-    return as_matrix or any(getattr(arguments, name) is not None for name in WHOLE)
+    if as_matrix or wanted(WHOLE):
+        return np.inf
+    return LONGEST_WHOLE if wanted(MASKS) else LONG_CLIP
 
 
 def track_at_once(arguments, frames, console):

@@ -43,6 +43,8 @@ COLOUR_WEIGHT = 1.0
 # The most, in nats, that the last frame may speak against a motion.
 MOST_PAST = 3.0
 MOST_LABELS = 255
+# Frames of a longer side are shrunk to it.
+MAX_SIDE = 480
 
 
 def dense_masks(
@@ -50,7 +52,7 @@ def dense_masks(
     X: npt.ArrayLike,
     labels: npt.ArrayLike,
     *,
-    max_side: int = 480,
+    max_side: int = MAX_SIDE,
     progress: Progress | None = None,
 ) -> Iterator[npt.NDArray[np.uint8]]:
     """Give every pixel of every frame the label of a motion.
@@ -117,18 +119,48 @@ def dense_masks(
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
     check_number("max_side", max_side, Integral, SMALLEST_SIDE)
+    _check_some(labels)
+    frames = open_frames(source)
+    n_frames = points.shape[1]
+    report = make_reporter(progress, n_frames)
+    tracked = (
+        (rows, points[rows, n])
+        for n, rows in enumerate(map(np.flatnonzero, visibility.T))
+    )
+    return paint_masks(
+        first_frames(frames, n_frames, report), tracked, labels, max_side
+    )
+
+
+def paint_masks(frames, tracked, labels, max_side=MAX_SIDE):
+    """As :func:`dense_masks`, of tracks that come frame by frame.
+
+    Parameters
+    ----------
+    frames : iterator of ndarray of uint8, shape (height, width, 3)
+    tracked : iterator of (rows, points)
+        For each frame, which tracks it sees, ascending, and where: ndarray of int,
+        shape (n,), and (n, 2).
+    labels : ndarray of int, shape (n_tracks,)
+    max_side : int
+
+    Returns
+    -------
+    iterator of ndarray of uint8, shape (height, width)
+    """
+    _check_some(labels)
+    names, known = np.unique(labels[labels >= 0]), labels >= 0
+    tracked = ((rows[known[rows]], points[known[rows]]) for rows, points in tracked)
+    painter = _Painter(tracked, np.searchsorted(names, labels), max_side)
+    return _paint(painter, frames, names)
+
+
+def _check_some(labels):
+    """Refuse labels that no mask can be made of."""
     if not (labels >= 0).any():
         raise ValueError("masks need one labelled track or more; all labels are -1")
     if labels.max() >= MOST_LABELS:
         raise ValueError(f"labels must be below {MOST_LABELS}; got {labels.max()}")
-    frames = open_frames(source)
-    n_frames = points.shape[1]
-    report = make_reporter(progress, n_frames)
-    names, kept = np.unique(labels[labels >= 0]), labels >= 0
-    painter = _Painter(
-        points[kept], visibility[kept], np.searchsorted(names, labels[kept]), max_side
-    )
-    return _paint(painter, first_frames(frames, n_frames, report), names)
 
 
 def _paint(painter, frames, names):
@@ -163,17 +195,17 @@ class _Painter:
 
     Parameters
     ----------
-    points : ndarray of shape (n_tracks, n_frames, 2)
-    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    tracked : iterator of (rows, points)
+        Of each frame, as for :func:`paint_masks`.
     labels : ndarray of int, shape (n_tracks,)
         From 0, none missing.
     max_side : int
     """
 
-    def __init__(self, points, visibility, labels, max_side):
+    def __init__(self, tracked, labels, max_side):
         cv2 = require("cv2", extra="video")
-        self._points, self._visibility, self._labels = points, visibility, labels
-        self._n_labels = int(labels.max()) + 1
+        self._tracked, self._labels = tracked, labels
+        self._near: dict[int, tuple] = {}  # of the last frames that were asked for
         self._max_side = max_side
         self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
         self._last: Any = None
@@ -214,10 +246,10 @@ class _Painter:
             )
         if self._grid is None:
             self._grid = ColourGrid(view.grey.shape)
-        seen = np.flatnonzero(self._visibility[:, number])
+        seen, points = self._tracks_in(number)
         present = self._present(seen)
         labels = np.searchsorted(present, self._labels)  # of what is seen, at least
-        places, energy = self._place(seen, number), gradient_energy(view.grey)
+        places, energy = self._place(points), gradient_energy(view.grey)
         places = places + sample_field(texture_centres(energy), places)
         counts = track_counts(places, labels[seen], len(present), view.grey.shape)
         logs = self._flow_evidence(view, number, labels, len(present), energy)
@@ -243,9 +275,17 @@ class _Painter:
         walk[new] = self._last_walk[old]
         return walk
 
-    def _place(self, rows, number):
+    def _tracks_in(self, number):
+        """Tracks that a frame sees, and where: of this frame, the last and the next."""
+        while number not in self._near:
+            latest = max(self._near, default=-1)
+            self._near[latest + 1] = next(self._tracked)
+            self._near.pop(latest - 2, None)
+        return self._near[number]
+
+    def _place(self, points):
         """Points at the working size, pixels having their centres at whole numbers."""
-        return (self._points[rows, number] + 0.5) * self._scale - 0.5
+        return (points + 0.5) * self._scale - 0.5
 
     def _flow_evidence(self, view, number, labels, n_labels, energy):
         """By the flows to the frames after and before, and by how these look there.
@@ -263,11 +303,12 @@ class _Painter:
         looks = np.full_like(logs, -np.inf)
         trust, grey = texture_trust(energy), view.grey.astype(np.float32)
         for flow, agreement, other_grey, other in pairs:
-            rows = np.flatnonzero(
-                self._visibility[:, number] & self._visibility[:, other]
+            (seen, here), (also, there) = map(self._tracks_in, (number, other))
+            rows, first, second = np.intersect1d(
+                seen, also, assume_unique=True, return_indices=True
             )
-            points = self._place(rows, number)
-            steps = self._place(rows, other) - points
+            points = self._place(here[first])
+            steps = self._place(there[second]) - points
             fields = motion_fields(points, steps, labels[rows], n_labels, grey.shape)
             logs += flow_evidence(flow, trust * agreement, fields) / len(pairs)
             other_grey = other_grey.astype(np.float32)

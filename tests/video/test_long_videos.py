@@ -16,11 +16,16 @@ from helpers.pictures import film_of_a_thing, write_video
 from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter, unpack_tracks
-from skmotionseg._commands import stored_tracks
+from skmotionseg._commands import long_objects, stored_tracks, video_tracks
+from skmotionseg._commands.long_objects import (
+    MOST_NUMBERS,
+    block_ends,
+    find_objects_in_blocks,
+)
 from skmotionseg._commands.stored_tracks import StoredClip, StoredTracks, track_into
 from skmotionseg.cli import main
 from skmotionseg.preprocessing import select_long_tracks
-from skmotionseg.video import track_video
+from skmotionseg.video import find_objects, track_video
 from skmotionseg.video._tracking import MAX_ERROR, MIN_TEXTURE
 
 pytest.importorskip("cv2", reason="needs opencv-python-headless")
@@ -135,6 +140,50 @@ def test_folder_of_something_else_is_refused(tmp_path):
         StoredTracks(tmp_path / "run", {"grid": 5})
 
 
+# ------------------------------------------------------------------------- the objects
+
+
+@pytest.mark.parametrize("n_frames", [2, 300, 301, 500, 501, 12345])
+def test_blocks_overlap_and_leave_no_frame_out(n_frames):
+    starts, stops = np.transpose(block_ends(n_frames))
+    assert (starts[0], stops[-1]) == (0, n_frames)
+    assert (stops[:-1] - starts[1:] == long_objects.COMMON_FRAMES).all()
+    assert (stops[:-1] - starts[:-1] == long_objects.BLOCK_FRAMES).all()
+    assert stops[-1] - starts[-1] <= long_objects.BLOCK_FRAMES
+    assert len(starts) == 1 or stops[-1] > stops[-2]
+
+
+def test_a_thing_has_one_number_in_all_blocks(frames, tmp_path, monkeypatch):
+    clip = StoredClip(stored_in(tmp_path / "run", frames), 8)
+    labels = np.zeros(clip.n_tracks, dtype=int)
+    tracks = clip.matrix()
+    whole = find_objects(tracks, labels, width=WIDTH, height=HEIGHT)
+    assert_array_equal(find_objects_in_blocks(clip, labels), whole)
+    assert whole.max() == 1  # found by geometry, as the labels do not tell
+    monkeypatch.setattr(long_objects, "BLOCK_FRAMES", 45)
+    monkeypatch.setattr(long_objects, "COMMON_FRAMES", 15)
+    done = []
+    parted = find_objects_in_blocks(clip, labels, lambda *each: done.append(each))
+    assert done == [(k, 4) for k in (1, 2, 3, 4)]
+    assert (parted == whole).mean() > 0.95
+    assert set(np.unique(parted)) <= {-1, 0, 1}
+
+
+def test_numbers_of_things_go_on_and_are_given_again_late():
+    last_seen = np.full(MOST_NUMBERS + 1, -1)
+    found = np.repeat([0, 1, 2, 3], 9)
+    before = np.where(found == 3, 7, -1)
+    before[found == 0] = 0
+    last_seen[7] = 0
+    assert_array_equal(long_objects._numbers(found, before, last_seen), [0, 1, 2, 7])
+    before[found == 3] = [7] * 4 + [0] * 5  # most of both have gone apart
+    before[found == 0] = [7] * 5 + [0] * 4
+    assert_array_equal(long_objects._numbers(found, before, last_seen), [0, 1, 2, 3])
+    last_seen[1:] = 5
+    last_seen[[30, 40, 50]] = 3, 2, 4
+    assert_array_equal(long_objects._numbers(found, before, last_seen), [0, 40, 30, 50])
+
+
 # ------------------------------------------------------------------------- the command
 
 
@@ -186,6 +235,25 @@ def test_a_killed_run_goes_on(file, table, tmp_path, monkeypatch, capsys):
     shutil.rmtree(run / "windows")  # the tracks are enough
     assert main(segment(file, "--resume", run, "--max-frames", 104)) == 2
     assert "its max-frames is None, and this one's 104" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatch):
+    written = {}
+    for name, longest in (("whole", 500), ("blocks", 50)):
+        monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", longest)
+        masks, static = tmp_path / name, tmp_path / f"{name} static"
+        options = ("--masks", masks, "--static-masks", static)
+        with monkeypatch.context() as patched:
+            if name == "blocks":
+                patched.setattr(StoredClip, "matrix", None)  # nothing of its size
+            assert main(segment(file, *options)) == 0
+        written[name] = [
+            [path.read_bytes() for path in sorted(folder.iterdir())]
+            for folder in (masks, static)
+        ]
+        assert [len(files) for files in written[name]] == [N_FRAMES, N_FRAMES]
+    assert written["whole"] == written["blocks"]
 
 
 def test_track_files_are_not_resumed(tmp_path, capsys):
