@@ -16,7 +16,7 @@ MOST_NUMBERS = 254
 def find_objects_in_blocks(clip, labels, report=None):
     """As :func:`skmotionseg.video.find_objects`, with a block of frames in memory.
 
-    Things of two blocks that share most tracks are one. Where there are more than a
+    A thing most of whose tracks were of one thing in the block before, is that. Where there are more than a
     mask has numbers for, those that were not seen for longest are given again.
 
     Parameters
@@ -83,8 +83,8 @@ def _numbers(found, before, last_seen):
     np.add.at(shared, (found[things & old], before[things & old]), 1)
     numbers = np.zeros(len(shared), dtype=int)
     for thing, number in zip(*linear_sum_assignment(-shared), strict=True):
-        of_both = (found == thing) & (before >= 0), (before == number) & (found >= 0)
-        if thing and 2 * shared[thing, number] > min(map(np.count_nonzero, of_both)):
+        known = np.count_nonzero((found == thing) & (before >= 0))
+        if thing and 2 * shared[thing, number] > known:
             numbers[thing] = number
     last_seen = last_seen.copy()
     last_seen[[0, *numbers]] = np.iinfo(last_seen.dtype).max
