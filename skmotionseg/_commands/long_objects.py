@@ -16,8 +16,9 @@ MOST_NUMBERS = 254
 def find_objects_in_blocks(clip, labels, report=None):
     """As :func:`skmotionseg.video.find_objects`, with a block of frames in memory.
 
-    A thing most of whose tracks were of one thing in the block before, is that. Where there are more than a
-    mask has numbers for, those that were not seen for longest are given again.
+    A thing most of whose tracks were of one thing in the block before, is that. Where
+    there are more than a mask has numbers for, those that were not seen for longest are
+    given again.
 
     Parameters
     ----------
