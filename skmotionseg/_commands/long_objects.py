@@ -6,11 +6,13 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from .._core.geometry.tracks import pack_tracks
+from ..video import find_objects
+from ..video._masks import MOST_LABELS
 
 # Frames of a block, and those that it has in common with the next.
 BLOCK_FRAMES, COMMON_FRAMES = 300, 100
-# Numbers that a mask has room for: 0 is the static scene, 255 none.
-MOST_NUMBERS = 254
+# Numbers of things that a mask has room for: 0 is the static scene.
+MOST_NUMBERS = MOST_LABELS - 1
 
 
 def find_objects_in_blocks(clip, labels, report=None):
@@ -18,7 +20,7 @@ def find_objects_in_blocks(clip, labels, report=None):
 
     A thing most of whose tracks were of one thing in the block before, is that. Where
     there are more than a mask has numbers for, those that were not seen for longest are
-    given again.
+    given again; where one block has more, its smallest count as static.
 
     Parameters
     ----------
@@ -33,8 +35,6 @@ def find_objects_in_blocks(clip, labels, report=None):
     ndarray of int, shape (n_tracks,)
         0 for the static scene; 1, 2, ... for things; -1 for tracks of none.
     """
-    from ..video import find_objects
-
     width, height = clip.size
     objects = np.full(clip.n_tracks, -1)
     times = np.zeros(clip.n_tracks, dtype=int)  # in the block that an object is of
@@ -49,9 +49,10 @@ def find_objects_in_blocks(clip, labels, report=None):
         before = objects[part.tracks]
         found = np.where(found > 0, _numbers(found, before, last_seen)[found], found)
         last_seen[np.unique(found[found > 0])] = number
-        longer = seen.sum(axis=1) > times[part.tracks]
+        here = seen.sum(axis=1)
+        longer = here > times[part.tracks]
         objects[part.tracks[longer]] = found[longer]
-        times[part.tracks] = np.maximum(times[part.tracks], seen.sum(axis=1))
+        times[part.tracks[longer]] = here[longer]
         if report is not None:
             report(number + 1, len(blocks))
     return objects
@@ -79,14 +80,13 @@ def _numbers(found, before, last_seen):
     ndarray of int, shape (n_things + 1,)
         By thing; that of 0 is 0.
     """
-    things, old = (found > 0), (before > 0)
+    judged = (found > 0) & (before >= 0)
     shared = np.zeros((found.max(initial=0) + 1, MOST_NUMBERS + 1), dtype=int)
-    np.add.at(shared, (found[things & old], before[things & old]), 1)
+    np.add.at(shared, (found[judged], before[judged]), 1)
+    things, old = (1 + k for k in linear_sum_assignment(-shared[1:, 1:]))
+    most = 2 * shared[things, old] > shared[things].sum(axis=1)
     numbers = np.zeros(len(shared), dtype=int)
-    for thing, number in zip(*linear_sum_assignment(-shared), strict=True):
-        known = np.count_nonzero((found == thing) & (before >= 0))
-        if thing and 2 * shared[thing, number] > known:
-            numbers[thing] = number
+    numbers[things[most]] = old[most]
     last_seen = last_seen.copy()
     last_seen[[0, *numbers]] = np.iinfo(last_seen.dtype).max
     for thing in np.flatnonzero(numbers[1:] == 0) + 1:

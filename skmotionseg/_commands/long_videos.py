@@ -10,7 +10,7 @@ from .._segmenter.long_clips import segment_in_windows
 from .console import facts_table, reporting
 from .label_files import write_labels_by_frame
 from .long_objects import find_objects_in_blocks
-from .mask_files import make_folders, write_mask
+from .mask_files import make_folders, wants_masks, write_mask
 
 # Folder of what windows have given, within that of a run.
 WINDOWS = "windows"
@@ -42,7 +42,7 @@ def segment_stored(run, clip, frames):
         ("motions per window", f"{found.counts.min()} to {found.counts.max()}"),
         ("seconds segmenting", f"{time.perf_counter() - started:.3f}"),
     ]
-    if arguments.masks is not None or arguments.static_masks is not None:
+    if wants_masks(arguments):
         masked = time.perf_counter()
         _write_masks(arguments, frames, clip, found.labels, progress)
         facts.append(("seconds for masks", f"{time.perf_counter() - masked:.3f}"))
@@ -56,15 +56,13 @@ def segment_stored(run, clip, frames):
 
 def _write_masks(arguments, frames, clip, labels, console):
     """Write masks of things that are found in blocks of frames."""
-    from ..video._checks import make_reporter
-    from ..video._frames import first_frames
     from ..video._masks import paint_masks
 
     with reporting("objects", console) as report:
         objects = find_objects_in_blocks(clip, labels, report)
     make_folders(arguments)
+    tracked, n_frames = clip.frames(), clip.n_frames
     with reporting("masks", console) as progress:
-        report = make_reporter(progress, clip.n_frames)
-        pictures = first_frames(frames, clip.n_frames, report)
-        for number, mask in enumerate(paint_masks(pictures, clip.frames(), objects)):
+        masks = paint_masks(frames, n_frames, tracked, objects, progress=progress)
+        for number, mask in enumerate(masks):
             write_mask(arguments, frames.name_of(number), mask)

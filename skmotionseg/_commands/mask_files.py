@@ -78,7 +78,7 @@ def write_masks(arguments, frames, sequence, objects, console):
     if arguments.prompts is not None:
         _write_prompts(arguments.prompts, frames, sequence, objects)
     drawn = arguments.render is not None or arguments.viewer is not None
-    if not (drawn or arguments.masks or arguments.static_masks):
+    if not (drawn or wants_masks(arguments)):
         return None
     from ..video import dense_masks
 
@@ -95,6 +95,11 @@ def write_masks(arguments, frames, sequence, objects, console):
     return lambda: (
         np.frombuffer(zlib.decompress(each), np.uint8).reshape(shape) for each in kept
     )
+
+
+def wants_masks(arguments):
+    """Whether masks are to be written to a folder."""
+    return arguments.masks is not None or arguments.static_masks is not None
 
 
 def make_folders(arguments):

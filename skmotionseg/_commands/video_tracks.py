@@ -14,12 +14,13 @@ from .._version import __version__
 from ..video._frames import open_frames
 from ..video._tracking import MAX_ERROR, MIN_TEXTURE
 from .console import reporting
+from .mask_files import wants_masks
 from .stored_tracks import StoredClip, StoredTracks, track_into
 
-# Outputs for which all tracks are needed at once, in memory; those for which they are
-# in videos of up to so many frames only, longer ones being taken in blocks.
+# Outputs for which all tracks are needed at once, in memory; and frames of the longest
+# video whose tracks are for masks, longer ones being taken in blocks.
 WHOLE = ("render", "report", "split_dir", "prompts", "viewer")
-MASKS, LONGEST_WHOLE = ("masks", "static_masks"), 500
+LONGEST_WHOLE = 500
 
 
 def open_video(arguments):
@@ -45,14 +46,10 @@ def _expected(arguments, frames):
 
 def longest_whole(arguments):
     """Frames of the longest video whose tracks are taken into memory at once."""
-
-    def wanted(names):
-        return any(getattr(arguments, name) is not None for name in names)
-
     as_matrix = arguments.out is not None and arguments.out.suffix.lower() == ".npz"
-    if as_matrix or wanted(WHOLE):
+    if as_matrix or any(getattr(arguments, name) is not None for name in WHOLE):
         return np.inf
-    return LONGEST_WHOLE if wanted(MASKS) else LONG_CLIP
+    return LONGEST_WHOLE if wants_masks(arguments) else LONG_CLIP
 
 
 def track_at_once(arguments, frames, console):

@@ -119,48 +119,42 @@ def dense_masks(
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
     check_number("max_side", max_side, Integral, SMALLEST_SIDE)
-    _check_some(labels)
-    frames = open_frames(source)
-    n_frames = points.shape[1]
-    report = make_reporter(progress, n_frames)
     tracked = (
         (rows, points[rows, n])
         for n, rows in enumerate(map(np.flatnonzero, visibility.T))
     )
-    return paint_masks(
-        first_frames(frames, n_frames, report), tracked, labels, max_side
-    )
+    n_frames = points.shape[1]
+    return paint_masks(source, n_frames, tracked, labels, max_side, progress)
 
 
-def paint_masks(frames, tracked, labels, max_side=MAX_SIDE):
+def paint_masks(source, n_frames, tracked, labels, max_side=MAX_SIDE, progress=None):
     """As :func:`dense_masks`, of tracks that come frame by frame.
 
     Parameters
     ----------
-    frames : iterator of ndarray of uint8, shape (height, width, 3)
+    source : path or iterable of arrays
+    n_frames : int
     tracked : iterator of (rows, points)
         For each frame, which tracks it sees, ascending, and where: ndarray of int,
         shape (n,), and (n, 2).
     labels : ndarray of int, shape (n_tracks,)
     max_side : int
+    progress : callable, optional
 
     Returns
     -------
     iterator of ndarray of uint8, shape (height, width)
     """
-    _check_some(labels)
-    names, known = np.unique(labels[labels >= 0]), labels >= 0
-    tracked = ((rows[known[rows]], points[known[rows]]) for rows, points in tracked)
-    painter = _Painter(tracked, np.searchsorted(names, labels), max_side)
-    return _paint(painter, frames, names)
-
-
-def _check_some(labels):
-    """Refuse labels that no mask can be made of."""
     if not (labels >= 0).any():
         raise ValueError("masks need one labelled track or more; all labels are -1")
     if labels.max() >= MOST_LABELS:
         raise ValueError(f"labels must be below {MOST_LABELS}; got {labels.max()}")
+    frames = open_frames(source)
+    report = make_reporter(progress, n_frames)
+    names, known = np.unique(labels[labels >= 0]), labels >= 0
+    tracked = ((rows[known[rows]], points[known[rows]]) for rows, points in tracked)
+    painter = _Painter(tracked, np.searchsorted(names, labels), max_side)
+    return _paint(painter, first_frames(frames, n_frames, report), names)
 
 
 def _paint(painter, frames, names):
