@@ -57,9 +57,12 @@ def segment_stored(run, clip, frames):
 def _write_masks(arguments, frames, clip, labels, console):
     """Write masks of things that are found in blocks of frames."""
     from ..video._masks import paint_masks
+    from ..video._recognition import known_again
 
     with reporting("objects", console) as report:
         objects = find_objects_in_blocks(clip, labels, report)
+    with reporting("what comes back", console) as report:
+        objects = known_again(frames, clip.frames, objects, clip.size, report)
     make_folders(arguments)
     tracked, n_frames = clip.frames(), clip.n_frames
     with reporting("masks", console) as progress:

@@ -13,6 +13,9 @@ from .._utils.png import encode_grey, encode_labels
 from .._utils.writing import check_folder_of, check_output, replacing
 from .console import reporting
 
+# Options whose outputs are of things that move, in the frames of a video.
+OF_THINGS = ("masks", "static_masks", "prompts", "viewer")
+
 
 def add_mask_options(videos):
     """Add the options to a group of a parser."""
@@ -48,11 +51,7 @@ def add_mask_options(videos):
 
 def check_mask_options(arguments, video):
     """Refuse what could not be written, before any work."""
-    wanted = [
-        o
-        for o in ("masks", "static_masks", "prompts", "viewer")
-        if getattr(arguments, o)
-    ]
+    wanted = [option for option in OF_THINGS if getattr(arguments, option)]
     if wanted and not video:
         raise ValueError(
             f"--{wanted[0].replace('_', '-')} needs a video or a folder of frames; "

@@ -7,7 +7,7 @@ from itertools import islice
 
 from .._core.geometry.tracks import unpack_tracks
 from .console import pyplot, reporting, save_figure
-from .mask_files import write_masks
+from .mask_files import OF_THINGS, write_masks
 
 
 def draw(arguments, sequence, segmenter, console):
@@ -25,8 +25,10 @@ def draw(arguments, sequence, segmenter, console):
     console : rich.console.Console
         For how far it is.
     """
+    of_things = (*OF_THINGS, "render")
     if sequence.video:
-        _write_pictures(arguments, sequence, segmenter, console)
+        if any(getattr(arguments, option) is not None for option in of_things):
+            _write_pictures(arguments, sequence, segmenter, console)
     elif arguments.render is not None:
         _draw_tracks(arguments, sequence, segmenter.labels_)
     if arguments.report is not None:
@@ -64,9 +66,16 @@ def _write_pictures(arguments, sequence, segmenter, console):
     from ..video import find_objects, render_segmentation, write_viewer
 
     size = {side: sequence.video[side] for side in ("width", "height")}
-    objects = find_objects(sequence.data, segmenter.labels_, **size)
-    masks = write_masks(arguments, sequence.frames, sequence, objects, console)
     video = sequence.frames, sequence.data
+    with reporting("objects", console) as progress:
+        objects = find_objects(
+            sequence.data,
+            segmenter.labels_,
+            **size,
+            source=sequence.frames,
+            progress=progress,
+        )
+    masks = write_masks(arguments, sequence.frames, sequence, objects, console)
     if arguments.render is not None:
         started = time.perf_counter()
         with reporting("rendering", console) as progress:

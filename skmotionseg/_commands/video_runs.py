@@ -72,7 +72,11 @@ def _segment(sequence, params, seed, max_frames=None):
     tracked = time.perf_counter()
     segmenter = MotionSegmenter(random_state=seed, **params).fit(tracks)
     objects = find_objects(
-        tracks, segmenter.labels_, width=video.width, height=video.height
+        tracks,
+        segmenter.labels_,
+        width=video.width,
+        height=video.height,
+        source=sequence.frames,
     )
     seconds = {"tracking": tracked - started, "motions": time.perf_counter() - tracked}
     return replace(video, tracks=tracks), segmenter, objects, seconds

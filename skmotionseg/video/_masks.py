@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .._core.geometry.tracks import unpack_tracks
+from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._utils.optional import require
 from .._utils.validation import check_label_each
 from ._checks import check_number, make_reporter
@@ -119,12 +119,8 @@ def dense_masks(
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
     check_number("max_side", max_side, Integral, SMALLEST_SIDE)
-    tracked = (
-        (rows, points[rows, n])
-        for n, rows in enumerate(map(np.flatnonzero, visibility.T))
-    )
-    n_frames = points.shape[1]
-    return paint_masks(source, n_frames, tracked, labels, max_side, progress)
+    seen = tracks_by_frame(points, visibility)
+    return paint_masks(source, points.shape[1], seen, labels, max_side, progress)
 
 
 def paint_masks(source, n_frames, tracked, labels, max_side=MAX_SIDE, progress=None):

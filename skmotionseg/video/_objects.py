@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
-from .._core.geometry.tracks import unpack_tracks
+from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._core.partition.moving_parts import moving_parts
-from .._core.partition.scene import background_motion, moving_objects
+from .._core.partition.scene import background_motion, moving_objects, ranked
 from .._utils.validation import check_label_each
+from ._frames import Progress, Source
+from ._recognition import known_again
 
 
 def find_objects(
-    X: npt.ArrayLike, labels: npt.ArrayLike, *, width: int, height: int
+    X: npt.ArrayLike,
+    labels: npt.ArrayLike,
+    *,
+    width: int,
+    height: int,
+    source: Source | None = None,
+    progress: Progress | None = None,
 ) -> npt.NDArray[np.int64]:
     """Find what moves against the static scene, one thing by one.
 
@@ -23,7 +33,8 @@ def find_objects(
     explains them better: noise, and water, are explained by neither. Parts that touch,
     and over time go together against the scene, are one thing, as the limbs of a body
     are. So is what goes behind something and, within twelve frames, comes out where it
-    is expected.
+    is expected. What is out of view for longer is known again by its texture and its
+    colours, if there is the video.
 
     Clips of two frames, and those of which no rigid motion can be told, are judged by
     the labels alone: the scene is the label that frames the image, and the other labels
@@ -39,6 +50,12 @@ def find_objects(
         and where they part the scene, they do not count.
     width, height : int
         Of the frames, in pixels.
+    source : path or iterable of arrays, optional
+        The video of the tracks, as for :func:`track_video`. Frames are read, one at a
+        time, only if a thing comes after another has gone.
+    progress : callable, optional
+        Called after each frame that is read, with the number done and the number there
+        will be.
 
     Returns
     -------
@@ -49,7 +66,8 @@ def find_objects(
     Raises
     ------
     ValueError
-        If the tracks are malformed, or there is not one label per track.
+        If the tracks are malformed, there is not one label per track, or frames are
+        read and are too few or of another size.
 
     Examples
     --------
@@ -72,4 +90,9 @@ def find_objects(
     parts = moving_parts(points, visibility, labels, background, size)
     if parts is not None:
         labels, background = parts + 1, 0
-    return moving_objects(points, visibility, labels, background)
+    objects = moving_objects(points, visibility, labels, background)
+    if source is None:
+        return objects
+    seen = partial(tracks_by_frame, points, visibility)
+    objects = known_again(source, seen, objects, size, progress)
+    return ranked(objects, visibility)

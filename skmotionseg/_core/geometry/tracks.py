@@ -372,3 +372,20 @@ def working_coordinates(points, visibility):
     scale = distance.mean() if len(distance) else 0.0
     coincide = scale <= ROUNDING * np.abs(filled).max(initial=0)
     return centres, 1.0 if coincide else float(scale)
+
+
+def tracks_by_frame(points, visibility):
+    """Yield which tracks each frame sees, ascending, and where.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Yields
+    ------
+    rows : ndarray of int, shape (n,)
+    points : ndarray of shape (n, 2)
+    """
+    for number, rows in enumerate(map(np.flatnonzero, visibility.T)):
+        yield rows, points[rows, number]

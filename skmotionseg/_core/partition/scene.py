@@ -137,12 +137,12 @@ def moving_objects(points, visibility, labels, background):
         return objects
     joined = _joined(points, visibility, parts, n_parts, windows, moved, noise)
     objects = np.where(parts >= 0, joined[parts] + 1, objects)
-    objects = _ranked(objects, visibility)
+    objects = ranked(objects, visibility)
     was = reappeared(points, visibility, objects)
-    return _ranked(np.where(objects > 0, was[objects], objects), visibility)
+    return ranked(np.where(objects > 0, was[objects], objects), visibility)
 
 
-def _ranked(objects, visibility):
+def ranked(objects, visibility):
     """The same with things numbered 1, 2, ..., those seen most often first."""
     things = objects > 0
     names, places = np.unique(objects[things], return_inverse=True)
