@@ -56,17 +56,16 @@ def looks_of(video):
         rows, columns = np.mgrid[: mask.shape[0] : GRID, : mask.shape[1] : GRID]
         points = np.column_stack([columns.ravel(), rows.ravel()]).astype(float)
         things = mask[rows.ravel(), columns.ravel()].astype(int)
-        shown.append(recognition._seen(frame, points, things))
+        shown.append(recognition.seen_in(frame, points, things))
     return shown
 
 
 def compared(before, after):
     """Evidence of matches and overlap of colours, or None if there is too little."""
-    old = recognition._together([seen.of(1) for seen in before])
-    new = recognition._together([seen.of(1) for seen in after])
+    old = recognition.together([seen.of(1) for seen in before])
+    new = recognition.together([seen.of(1) for seen in after])
     others = np.concatenate([seen.but(1) for seen in after])
-    few = min(len(old.descriptors), len(new.descriptors)) < recognition.LEAST_POINTS
-    if few or len(others) < recognition.LEAST_OTHERS:
+    if recognition.too_little(old, new, others):
         return None
     matches = recognition.match_evidence(old.descriptors, new.descriptors, others)
     return matches, recognition.overlap(old.colours, new.colours)
@@ -131,7 +130,7 @@ def main(argv=None):
     print(
         f"known again {sure[same].mean():.1%}, taken for one {sure[~same].mean():.1%}"
     )
-    ours = used[0] * evidence[:, 0] + used[1] * evidence[:, 1] + recognition.PRIOR
+    ours = recognition.weighed(*evidence.T)
     sure = ours > recognition.SURE
     print(
         f"as used: known again {sure[same].mean():.1%}, taken for one "

@@ -25,10 +25,9 @@ def draw(arguments, sequence, segmenter, console):
     console : rich.console.Console
         For how far it is.
     """
-    of_things = (*OF_THINGS, "render")
-    if sequence.video:
-        if any(getattr(arguments, option) is not None for option in of_things):
-            _write_pictures(arguments, sequence, segmenter, console)
+    drawn = [getattr(arguments, option) for option in (*OF_THINGS, "render")]
+    if sequence.video and any(each is not None for each in drawn):
+        _write_pictures(arguments, sequence, segmenter, console)
     elif arguments.render is not None:
         _draw_tracks(arguments, sequence, segmenter.labels_)
     if arguments.report is not None:

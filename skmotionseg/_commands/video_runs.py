@@ -107,6 +107,8 @@ def _score_masks(sequence, video, objects, seconds):
 
 def _score_points(sequence, params, seed):
     """Scores of the tracks of the first frames, where those have masks."""
+    from ..video._pixels import nearest_pixels
+
     video, _, objects, _ = _segment(sequence, params, seed, POINT_FRAMES)
     points, seen = unpack_tracks(video.tracks)
     parts, sizes = [], []
@@ -115,10 +117,8 @@ def _score_points(sequence, params, seed):
             continue
         region = read_video_mask(sequence, number)
         rows = np.flatnonzero(seen[:, frame])
-        column, row = np.rint(points[rows, frame]).astype(int).T
-        column = column.clip(0, region.shape[1] - 1)
-        row = row.clip(0, region.shape[0] - 1)
-        parts.append((region[row, column], objects[rows]))
+        pixels = nearest_pixels(points[rows, frame], region.shape)
+        parts.append((region[pixels], objects[rows]))
         sizes.append(np.bincount(region.ravel(), minlength=len(sequence.mask_scales)))
     true, found = (np.concatenate(part) for part in zip(*parts, strict=True))
     sizes = np.sum(sizes, axis=0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._utils.optional import require
+from ._pixels import nearest_pixels
 
 # Side, in pixels of the working size, of the cells in which tracks are averaged.
 CELL = 8
@@ -264,10 +265,8 @@ def fill(values, weight, n_levels=6):
 
 def track_counts(points, labels, n_labels, shape):
     """Tracks of each motion at each pixel: (n_labels, height, width), float32."""
-    column, row = np.rint(points).astype(int).T
     counts = np.zeros((n_labels, *shape), dtype=np.float32)
-    row, column = row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)
-    np.add.at(counts, (labels, row, column), 1)
+    np.add.at(counts, (labels, *nearest_pixels(points, shape)), 1)
     return counts
 
 

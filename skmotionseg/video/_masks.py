@@ -32,6 +32,7 @@ from ._evidence import (
 )
 from ._frames import SMALLEST_SIDE, Progress, Source, first_frames, open_frames
 from ._grid import sample_field
+from ._pixels import at_scale
 from ._random_walk import edge_weights, random_walk
 
 # How strongly neighbours of one colour are tied, and the share that an edge leaves.
@@ -274,8 +275,8 @@ class _Painter:
         return self._near[number]
 
     def _place(self, points):
-        """Points at the working size, pixels having their centres at whole numbers."""
-        return (points + 0.5) * self._scale - 0.5
+        """Points at the working size."""
+        return at_scale(points, self._scale)
 
     def _flow_evidence(self, view, number, labels, n_labels, energy):
         """By the flows to the frames after and before, and by how these look there.

@@ -10,16 +10,15 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial import KDTree
 from scipy.special import betaincc, betaln
 
+from .._core.partition.reappearing import LEAST_TRACKS, hardly_together
 from .._utils.optional import require
 from ._checks import make_reporter
 from ._frames import first_frames, open_frames
+from ._pixels import at_scale, nearest_pixels
 
 # Frames between those that are looked at; how many of these are compared of a thing
 # before it goes, and of one that comes. Longer sides of pictures are shrunk.
 EVERY, FRAMES_BEFORE, FRAMES_AFTER, MAX_SIDE = 5, 5, 6, 960
-# Fewer tracks in a frame are no thing; two that are seen together for a larger share of
-# their tracks are two.
-LEAST_TRACKS, MOST_TOGETHER = 12, 0.3
 # A keypoint is of a thing if so many tracks around it are, the nearest within so many
 # pixels; so many of a thing tell how it looks, and so many others are to be told from.
 TRACKS_AROUND, REACH, LEAST_POINTS, LEAST_OTHERS = 3, 8.0, 20, 50
@@ -38,7 +37,7 @@ MOST_MATCHES, MATCHES_WORTH, COLOURS_WORTH, PRIOR, SURE = 10.0, 0.27, 20.7, -16.
 
 
 class Look(NamedTuple):
-    """How a thing, or all but it, looks in some frames.
+    """How a thing looks in some frames.
 
     Attributes
     ----------
@@ -84,16 +83,16 @@ def known_again(source, tracked, things, size, progress=None):
     frames = first_frames(open_frames(source), n_frames, report)
     found: dict[tuple[int, int], float] = {}
     witness = _Witness(pairs, counts)
-    together = zip(frames, tracked(), strict=True)
-    for number, (frame, (rows, points)) in enumerate(together):
+    shown = zip(frames, tracked(), strict=True)
+    for number, (frame, (rows, points)) in enumerate(shown):
         if number == 0 and frame.shape[1::-1] != tuple(size):
             raise ValueError(
                 f"tracks are of frames of {size[0]} x {size[1]} pixels; those of the "
                 f"video are {frame.shape[1]} x {frame.shape[0]}"
             )
-        if number % EVERY == 0:
-            found |= witness.look(_seen(frame, points, things[rows]))
-    found |= witness.close()
+        look, between = divmod(number, EVERY)
+        if not between and witness.needed[look]:
+            found |= witness.look(look, seen_in(frame, points, things[rows]))
     was = _joined(found, counts)
     return np.where(things > 0, was[things], things)
 
@@ -118,17 +117,11 @@ def _that_may_be_one(counts):
         new: [
             old
             for old in known
-            if begins[old] < begins[new] and _apart(counts[old], counts[new])
+            if begins[old] < begins[new] and hardly_together(counts[old], counts[new])
         ]
         for new in known
     }
     return {new: olds for new, olds in pairs.items() if olds}
-
-
-def _apart(first, second):
-    """Whether two things are hardly seen together."""
-    together = np.minimum(first, second).sum()
-    return together <= MOST_TOGETHER * min(first.sum(), second.sum())
 
 
 def _joined(found, counts):
@@ -150,7 +143,7 @@ def _joined(found, counts):
         first, second = was[old], was[new]
         if found[old, new] <= SURE or old in gone or new in come or first == second:
             continue
-        if _apart(counts[first], counts[second]):
+        if hardly_together(counts[first], counts[second]):
             was[was == second] = first
             counts[first] += counts[second]
             gone.add(old)
@@ -166,6 +159,11 @@ class _Witness:
     pairs : dict of int to list of int
         Things that come, and those that each may be.
     counts : ndarray of shape (n_things + 1, n_looked)
+
+    Attributes
+    ----------
+    needed : ndarray of bool, shape (n_looked,)
+        Which of the frames are compared.
     """
 
     def __init__(self, pairs, counts):
@@ -175,39 +173,40 @@ class _Witness:
         self._last: Any = {old: deque(maxlen=FRAMES_BEFORE) for old in asked}
         self._recent: Any = deque(maxlen=FRAMES_AFTER)
         self._open: Any = {}  # what comes, and the looks of those that it may be
-        self._number = 0
+        self.needed = np.zeros(counts.shape[1], dtype=bool)
+        for new, begin in self._begins.items():
+            self.needed[begin : self._end(begin)] = True
+            for there in self._there[pairs[new], : begin + 1]:
+                self.needed[np.flatnonzero(there)[-FRAMES_BEFORE:]] = True
 
-    def look(self, seen):
-        """Log odds of the pairs that can be judged after what a frame shows."""
+    def _end(self, begin):
+        """The frame before which a thing that begins is compared, not after."""
+        return min(begin + FRAMES_AFTER, self._there.shape[1])
+
+    def look(self, number, seen):
+        """Log odds of the pairs that can be judged after what a needed frame shows."""
         self._recent.append(seen)
         for old, looks in self._last.items():
-            if self._there[old, self._number]:
+            if self._there[old, number]:
                 looks.append(seen.of(old))
+        found: dict[tuple[int, int], float] = {}
         for new, begin in self._begins.items():
-            if begin == self._number:
+            if begin == number:
                 olds = self._pairs[new]
-                self._open[new] = {old: _together(self._last[old]) for old in olds}
-        self._number += 1
-        full = [
-            new
-            for new in self._open
-            if self._number - self._begins[new] == FRAMES_AFTER
-        ]
-        return self._judged(full)
-
-    def close(self):
-        """Log odds of the pairs that the end of the video leaves."""
-        return self._judged(list(self._open))
-
-    def _judged(self, which):
-        found = {}
-        for new in which:
-            after = list(self._recent)[self._begins[new] - self._number :]
-            own = _together([seen.of(new) for seen in after])
-            for old, look in self._open.pop(new).items():
-                others = [seen.but(old, new) for seen in after]
-                found[old, new] = log_odds(look, own, np.concatenate(others))
+                self._open[new] = {old: together(self._last[old]) for old in olds}
+            if self._end(begin) == number + 1:
+                after = list(self._recent)[begin - number - 1 :]
+                found |= self._judged(new, after)
         return found
+
+    def _judged(self, new, after):
+        own = together([seen.of(new) for seen in after])
+        return {
+            (old, new): log_odds(
+                look, own, np.concatenate([seen.but(old, new) for seen in after])
+            )
+            for old, look in self._open.pop(new).items()
+        }
 
 
 class _Seen(NamedTuple):
@@ -231,7 +230,7 @@ class _Seen(NamedTuple):
         return self.descriptors[others]
 
 
-def _seen(frame, points, things):
+def seen_in(frame, points, things):
     """What a frame shows.
 
     Parameters
@@ -251,7 +250,7 @@ def _seen(frame, points, things):
         frame = cv2.resize(
             frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA
         )
-    places = (points + 0.5) * scale - 0.5
+    places = at_scale(points, scale)
     keypoints, descriptors = cv2.SIFT_create().detectAndCompute(
         cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None
     )
@@ -261,9 +260,7 @@ def _seen(frame, points, things):
     else:
         owners = _owners([point.pt for point in keypoints], places, things)
     soft = cv2.cvtColor(cv2.GaussianBlur(frame, (0, 0), BLUR), cv2.COLOR_BGR2LAB)
-    column, row = np.rint(places).astype(int).T
-    height, width = soft.shape[:2]
-    colours = soft[row.clip(0, height - 1), column.clip(0, width - 1)]
+    colours = soft[nearest_pixels(places, soft.shape)]
     return _Seen(descriptors.astype(np.uint8), owners, colours, things)
 
 
@@ -277,7 +274,7 @@ def _owners(keypoints, places, things):
     return np.where(one, around[:, 0], -1)
 
 
-def _together(looks):
+def together(looks):
     """Looks of some frames as one."""
     if not len(looks):
         return Look(np.empty((0, 128), np.uint8), np.empty((0, 3), np.uint8))
@@ -302,15 +299,24 @@ def log_odds(before, after, others):
     float
         -inf if there is too little of one to tell.
     """
-    few = min(len(before.descriptors), len(after.descriptors)) < LEAST_POINTS
-    if few or len(others) < LEAST_OTHERS:
+    if too_little(before, after, others):
         return -np.inf
-    colours = COLOURS_WORTH * overlap(before.colours, after.colours) + PRIOR
-    most = MATCHES_WORTH * MOST_MATCHES
-    if colours + most <= SURE:  # whatever matches
-        return colours - most
+    alike = overlap(before.colours, after.colours)
+    if weighed(MOST_MATCHES, alike) <= SURE:  # whatever matches
+        return weighed(-MOST_MATCHES, alike)
     matches = match_evidence(before.descriptors, after.descriptors, others)
-    return colours + MATCHES_WORTH * matches
+    return weighed(matches, alike)
+
+
+def too_little(before, after, others):
+    """Whether there are too few keypoints, as of :func:`log_odds`, to tell."""
+    few = min(len(before.descriptors), len(after.descriptors)) < LEAST_POINTS
+    return few or len(others) < LEAST_OTHERS
+
+
+def weighed(matches, alike):
+    """Log odds by the evidence of matches and the overlap of colours."""
+    return COLOURS_WORTH * alike + PRIOR + MATCHES_WORTH * matches
 
 
 def match_evidence(before, after, others):

@@ -18,6 +18,7 @@ from .._utils.validation import check_label_each
 from .._utils.writing import check_output, replacing_path
 from ._checks import check_fps, check_number, make_reporter
 from ._frames import Progress, Source, first_frames, open_frames
+from ._pixels import at_scale
 
 # Frames per second of a rendered clip whose source does not say.
 DEFAULT_FPS = 25.0
@@ -233,7 +234,7 @@ class _Brush:
 
 def _to_canvas(points, scale):
     """Nearest pixels, their centres being whole numbers, of a scaled frame."""
-    pixels = np.rint((points + 0.5) * scale - 0.5)
+    pixels = np.rint(at_scale(points, scale))
     return pixels.clip(-FARTHEST, FARTHEST).astype(np.int32)
 
 

@@ -156,7 +156,7 @@ def test_looks_are_those_of_the_last_frames_before_and_the_first_after(monkeypat
     monkeypatch.setattr(recognition, "log_odds", remember)
     film.known_again()
     shown = [
-        recognition._seen(frame, points, film.things[rows])
+        recognition.seen_in(frame, points, film.things[rows])
         for frame, (rows, points) in zip(film.frames, film.seen(), strict=True)
     ]
     expected = []

@@ -65,13 +65,28 @@ def reappeared(points, visibility, things):
 def _may_be(old, new, begin):
     """Whether a thing was there before another begins, and gives way to it."""
     there = np.flatnonzero(old >= LEAST_TRACKS)
-    together = np.minimum(old, new).sum() / min(old.sum(), new.sum())
     return (
         there[0] <= begin - STEP
         and there[-1] >= begin - LONGEST_HIDDEN
         and begin + STEP < len(old)
-        and together <= MOST_TOGETHER
+        and hardly_together(old, new)
     )
+
+
+def hardly_together(first, second):
+    """Whether two things, by their tracks in each frame, are hardly seen together.
+
+    Parameters
+    ----------
+    first, second : ndarray of int, shape (n_frames,)
+        Some of each.
+
+    Returns
+    -------
+    bool
+    """
+    together = np.minimum(first, second).sum() / min(first.sum(), second.sum())
+    return bool(together <= MOST_TOGETHER)
 
 
 class _Tracks:
