@@ -32,6 +32,18 @@ OPTIONS = {
 }
 INDEX_NAMES = ("", "unnamed: 0", "index", "track", "track_id", "id")
 LABEL_NAMES = ("label", "labels", "target")
+# Names of the columns of a table with one row per observation.
+OBSERVATION_NAMES = {
+    "track": ("track", "track_id", "id", "point", "point_id", "trajectory"),
+    "frame": ("frame", "frame_id", "t", "time", "image"),
+    "x": ("x",),
+    "y": ("y",),
+    "label": LABEL_NAMES,
+    "visible": ("visible", "visibility"),
+    "occluded": ("occluded",),
+}
+NEEDED = ("track", "frame", "x", "y")
+TRUTH = {"true": 1.0, "false": 0.0}
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
 
@@ -72,11 +84,12 @@ def load_tracks(
         Hopkins12), with ``y`` and ``s`` (Hopkins155), or with ``data`` and ``label``
         (AdelaideRMF, two images).
 
-        ``.csv``: with a header ``track,frame,x,y`` (and ``label``, if known), one row
-        per observation, frames counted from any number; or one row per track and two
-        columns per frame, empty where unseen, with or without a header. Under a header,
-        a first column that holds the index, as pandas writes it, becomes
-        ``track_ids``, and a column ``label`` becomes ``target``.
+        ``.csv``: with a header ``track,frame,x,y`` (also ``id`` or ``t``; and, if
+        known, ``label`` and ``visible`` or ``occluded``), one row per observation,
+        frames counted from any number; or one row per track and two columns per
+        frame, empty where unseen, with or without a header. Under a header, a first
+        column that holds the index, as pandas writes it, becomes ``track_ids``, and a
+        column ``label`` becomes ``target``.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
@@ -291,20 +304,45 @@ def _read_csv(path):
         rows = [row for row in csv.reader(file) if row]
     if not rows:
         raise ValueError("it is empty")
+    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
+        if any(separator in cell for cell in rows[0]):
+            raise ValueError(f"columns must be separated by commas; got {name}")
     header = [name.strip().lower() for name in rows[0]]
-    observations = {"track", "frame", "x", "y"} <= set(header)
     widths = {len(row) for row in rows}
     if len(widths) > 1:
         raise ValueError(f"rows differ in length: {sorted(widths)}")
-    if observations:
-        return _read_observations(header, rows[1:], path.stat().st_size)
+    columns = _observation_columns(header)
+    if columns.keys() >= set(NEEDED):
+        return _read_observations(columns, rows[1:], path.stat().st_size)
+    others = [name for name in header if name not in (*INDEX_NAMES, *LABEL_NAMES)]
+    if {"x", "y"} <= set(others) and any(name[0] not in "xy" for name in others):
+        raise ValueError(
+            "a table with a column x and a column y has one row per observation, and "
+            f"needs the columns {', '.join(NEEDED)}; got {', '.join(header)}"
+        )
     return _read_wide(header, rows)
+
+
+def _observation_columns(header):
+    """The place of each column that a row per observation has, by its kind."""
+    return {
+        kind: header.index(name)
+        for kind, names in OBSERVATION_NAMES.items()
+        for name in [name for name in names if name in header][:1]
+    }
 
 
 def _read_wide(header, rows):
     """Tracks from one row per track."""
     if not _is_header(header):
-        return {"data": np.array([[_number(cell) for cell in row] for row in rows])}
+        table = np.array([[_number(cell) for cell in row] for row in rows])
+        if _counts_observations(table):
+            raise ValueError(
+                "its first two columns count tracks and frames, as if there were one "
+                "row per observation: begin the file with the line track,frame,x,y, "
+                "or with x0,y0,x1,y1 if they are the points of two frames"
+            )
+        return {"data": table}
     if len(rows) == 1:
         raise ValueError("there are no tracks below its header")
     table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
@@ -328,6 +366,24 @@ def _is_header(cells):
     return named or (len(numbers) > 3 and all(cells[1:]))
 
 
+def _counts_observations(table):
+    """Whether a table without header seems to have one row per observation.
+
+    So it seems with columns 0, 1, ... (or 1, 2, ...) of tracks and of frames, no pair
+    of which comes twice, beside two columns that are not whole numbers throughout.
+    """
+    if table.shape[1] != 4 or len(table) < 2:
+        return False
+    counters, points = table[:, :2], table[:, 2:]
+    if not (counters == np.floor(counters)).all() or (points == np.floor(points)).all():
+        return False
+    consecutive = [
+        values[0] in (0, 1) and (np.diff(values) == 1).all()
+        for values in map(np.unique, counters.T)
+    ]
+    return all(consecutive) and len(np.unique(counters, axis=0)) == len(table)
+
+
 def _check_order(names):
     """Refuse columns that are named x and y, but in another order than ours."""
     initials = "".join(name[:1] for name in names)
@@ -347,14 +403,12 @@ def _is_number(cell):
     return True
 
 
-def _read_observations(header, rows, file_size):
-    """Tracks from one row per observation."""
+def _read_observations(places, rows, file_size):
+    """Tracks from one row per observation; ``places`` are of the columns, by kind."""
     if not rows:
         raise ValueError("there are no observations below its header")
     columns = {
-        name: np.array([_number(row[i]) for row in rows])
-        for i, name in enumerate(header)
-        if name in ("track", "frame", "x", "y", "label")
+        kind: np.array([_number(row[i]) for row in rows]) for kind, i in places.items()
     }
     if not np.isfinite(columns["track"]).all():
         raise ValueError("the column 'track' must be a number in each row")
@@ -366,7 +420,8 @@ def _read_observations(header, rows, file_size):
     n_frames = int(frame.max()) + 1
     check_table(len(tracks), n_frames, file_size)
     points = np.full((len(tracks), n_frames, 2), np.nan)
-    points[row, frame, 0], points[row, frame, 1] = columns["x"], columns["y"]
+    observed = np.column_stack([columns["x"], columns["y"]])
+    points[row, frame] = np.where(_seen(columns)[:, None], observed, np.nan)
     labels = None
     if "label" in columns:
         labels = np.empty(len(tracks), dtype=int)
@@ -376,5 +431,19 @@ def _read_observations(header, rows, file_size):
     return fields
 
 
+def _seen(columns):
+    """Whether each observation is one: visible, and not occluded."""
+    seen = np.ones(len(columns["track"]), dtype=bool)
+    for kind, value in (("visible", 1), ("occluded", 0)):
+        if kind in columns:
+            if not np.isin(columns[kind], (0, 1)).all():
+                raise ValueError(f"the column {kind!r} must be 0 or 1 in each row")
+            seen &= columns[kind] == value
+    return seen
+
+
 def _number(cell):
-    return float(cell) if cell.strip() else np.nan
+    name = cell.strip().lower()
+    if name in TRUTH:
+        return TRUTH[name]
+    return float(cell) if name else np.nan

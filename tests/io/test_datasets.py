@@ -466,6 +466,12 @@ HEADERS = {
     "x0,y0,x1\n1,2,3\n": "two columns per frame; got 3 columns",
     "x0,y0,x1,y1\n": "no tracks below its header",
     "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
+    "particle,step,x,y\n0,0,1.5,2\n": "columns track, frame, x, y; got particle, step",
+    "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
+    "1.5;2.5;3.5;4.5\n": "separated by commas; got semicolons",
+    "1.5\t2.5\t3.5\t4.5\n": "separated by commas; got tabs",
+    "id,t,x,y,visible\n0,0,1.5,2,0.3\n": "'visible' must be 0 or 1 in each row",
+    "id,t,x,y\n0,0.5,1.5,2\n": "the column 'frame'",
 }
 
 
@@ -503,6 +509,36 @@ def test_csv_without_labels(tmp_path):
     loaded = load_tracks(path)
     assert_array_equal(loaded.data, [[1.5, 2, np.nan, np.nan], [np.nan, np.nan, 5, 6]])
     assert loaded.target is None
+
+
+@pytest.mark.parametrize("names", ["id,t", "track_id,frame", "ID,Time"])
+@pytest.mark.parametrize("seen", ["visible", "occluded"])
+def test_csv_of_observations_under_other_names(tmp_path, names, seen):
+    path = tmp_path / "clip.csv"
+    yes, no = ("1", "False") if seen == "visible" else ("0", "True")
+    rows = [f"7,3,1.5,2,{yes}", f"7,4,8,8,{no}", f"9,4,5,6,{yes}"]
+    path.write_text("\n".join([f"{names},x,y,{seen}", *rows]))
+    loaded = load_tracks(path)
+    assert_array_equal(loaded.data, [[1.5, 2, np.nan, np.nan], [np.nan, np.nan, 5, 6]])
+    assert_array_equal(loaded.track_ids, [7, 9])
+
+
+@pytest.mark.parametrize("second", [1, 20])
+def test_csv_of_two_frames_of_a_grid(tmp_path, second):
+    """Two frames of four numbers are not mistaken for observations."""
+    X = np.array([[0, 0, 0.5, 1], [0, second, 1, 2], [second, 0, 3, 0.5]])
+    path = tmp_path / "clip.csv"
+    np.savetxt(path, X, delimiter=",", header="x0,y0,x1,y1", comments="")
+    assert_array_equal(load_tracks(path).data, X)
+    if second > 1:  # otherwise it could be either
+        np.savetxt(path, X, delimiter=",")
+        assert_array_equal(load_tracks(path).data, X)
+
+
+def test_csv_whose_pairs_of_columns_have_the_same_names(tmp_path):
+    path = tmp_path / "clip.csv"
+    path.write_text("id,x,y,x.1,y.1\n4,1,2,3,4\n")
+    assert_array_equal(load_tracks(path).data, [[1, 2, 3, 4]])
 
 
 def test_csv_with_an_empty_label(tmp_path):
