@@ -30,6 +30,7 @@ from skmotionseg._commands.paper_tables import PARTS, paper_sections
 from skmotionseg._commands.runs import PAPER, summarize
 from skmotionseg._commands.video_runs import summarize_videos
 from skmotionseg._segmenter.views import ALL_MODELS
+from skmotionseg._utils.words import counted
 
 ROOT = Path(__file__).parents[1]
 RECORDS = {
@@ -80,7 +81,7 @@ def error_cell(row, figure="error_known"):
     n_seeds = row["n_seeds"]
     if n_seeds == USUAL_SEEDS:
         return cell
-    return f"{cell} ({n_seeds} seed{'' if n_seeds == 1 else 's'})"
+    return f"{cell} ({counted(n_seeds, 'seed')})"
 
 
 def count_cell(row, suffix=""):
@@ -215,9 +216,9 @@ def video_table(record):
         "|---" * 4 + "|",
     ]
     for row in record.get("videos", ()):
-        videos = f"{row['dataset']}, {row['n_sequences']} videos, {row['n_seeds']} seed"
+        videos = f"{row['dataset']}, {counted(row['n_sequences'], 'video')}"
         lines.append(
-            f"| {videos}{'' if row['n_seeds'] == 1 else 's'} | {row['what']} | "
+            f"| {videos}, {counted(row['n_seeds'], 'seed')} | {row['what']} | "
             f"{row['figure']:.1f} | {row['version']} |"
         )
     return "\n".join(lines)
@@ -241,10 +242,9 @@ def paper_table(record):
 
 def _paper_part(dataset, found):
     _, first, _ = found[0]
-    n_seeds = first["n_seeds"]
     lines = [
-        f"{dataset}, {first['n_sequences']} sequences ({PARTS[dataset]}), {n_seeds} "
-        f"seed{'' if n_seeds == 1 else 's'}:",
+        f"{dataset}, {counted(first['n_sequences'], 'sequence')} ({PARTS[dataset]}), "
+        f"{counted(first['n_seeds'], 'seed')}:",
         "",
         "| method | known | the paper | from 1 | the paper | from 2 | the paper |",
         "|---" * 7 + "|",
@@ -423,11 +423,11 @@ def differences():
 def take_over(files):
     """Put what ``skmotionseg bench --json`` wrote into the stored accuracy."""
     records = [each for path in files for each in json.loads(Path(path).read_text())]
-    counted = [record for record in records if "error_known" in record]
-    for (dataset, method), found in summarize(counted).items():
+    known = [record for record in records if "error_known" in record]
+    for (dataset, method), found in summarize(known).items():
         mine = [
             record
-            for record in counted
+            for record in known
             if (record["dataset"], record["method"]) == (dataset, method)
         ]
         row = {"row": f"{dataset} {method}", "dataset": dataset, "method": method}

@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 
 from .._utils.optional import require
+from .._utils.words import counted
 from .._utils.writing import check_output, replacing
 from .console import count, progress_console, with_progress
 
@@ -52,6 +53,13 @@ def add_bench(commands):
     bench.add_argument("--methods", nargs="+", choices=methods, help=METHODS_HELP)
     _add_paper(bench)
     bench.add_argument(
+        "--every",
+        type=count,
+        default=1,
+        metavar="N",
+        help="run only every N-th sequence of a data set, from its first (default: 1)",
+    )
+    bench.add_argument(
         "--seeds",
         type=count,
         default=3,
@@ -93,7 +101,7 @@ def _run_bench(arguments):
         _run_paper(arguments, console, journal)
         return
     methods = arguments.methods or list(METHODS)
-    sequences = find_sequences(arguments.data, arguments.datasets)
+    sequences = find_sequences(arguments.data, arguments.datasets, arguments.every)
     batches = run(sequences, methods, arguments.seeds, arguments.jobs, journal)
     records = _collect(arguments, sequences, batches)
     _print_tables(console, records, methods)
@@ -113,7 +121,11 @@ def _run_paper(arguments, console, journal):
     datasets = arguments.datasets or [
         name for name in DELTAS if (arguments.data / name).is_dir()
     ]
-    sequences = find_sequences(arguments.data, datasets or list(DELTAS))
+    if not datasets:
+        raise FileNotFoundError(
+            f"none of the folders {', '.join(DELTAS)} is in {arguments.data}"
+        )
+    sequences = find_sequences(arguments.data, datasets, arguments.every)
     batches = run_paper(
         sequences,
         arguments.seeds,
@@ -133,7 +145,7 @@ def _collect(arguments, sequences, batches):
         shown = with_progress(
             batches,
             len(sequences) * arguments.seeds,
-            f"{len(sequences)} sequences, {arguments.seeds} seeds",
+            _amount(len(sequences), arguments.seeds),
             progress_console(),
         )
         names = ("dataset", "method", "sequence", "seed", "exponent")
@@ -155,9 +167,9 @@ def _print_tables(console, records, methods):
 
     videos = summarize_videos([r for r in records if "video" in r])
     records = [record for record in records if "video" not in record]
-    counted = [record for record in records if "error_known" in record]
-    if counted:
-        for table in _bench_tables(summarize(counted), methods):
+    known = [record for record in records if "error_known" in record]
+    if known:
+        for table in _bench_tables(summarize(known), methods):
             console.print(table)
     regions = summarize_regions([r for r in records if "error_known" not in r])
     for part in dict.fromkeys(key[:2] for key in regions):
@@ -181,8 +193,7 @@ def _error_table(summary, dataset, methods):
 
     first = summary[dataset, methods[0]]
     table = _figure_table(
-        f"{dataset}: {first['n_sequences']} sequences, {first['n_seeds']} seeds; "
-        "percent, ± over seeds (the paper's figure)"
+        f"{dataset}: {_amount_of(first)}; percent, ± over seeds (the paper's figure)"
     )
     figures = {
         "error_known": "known: error",
@@ -208,9 +219,8 @@ def _region_table(summary, part, methods):
 
     first = summary[*part, methods[0]]
     table = _figure_table(
-        f"{' '.join(part).strip()}: {first['n_sequences']} sequences, "
-        f"{first['n_seeds']} seeds; number of motions unknown; percent, ± over seeds "
-        "(the paper's figure)"
+        f"{' '.join(part).strip()}: {_amount_of(first)}; number of motions unknown; "
+        "percent, ± over seeds (the paper's figure)"
     )
     figures = ("density", "precision", "recall", "f_measure")
     for title in ("density", "precision", "recall", "F"):
@@ -237,8 +247,8 @@ def _video_table(summary, dataset, methods):
     first = summary[dataset, methods[0]]
     figures = BINARY_FIGURES if first["binary"] else REGION_FIGURES
     table = _figure_table(
-        f"{dataset}: {first['n_sequences']} videos, {first['n_seeds']} seeds, from the "
-        "frames alone; percent, ± over seeds; seconds per frame"
+        f"{dataset}: {_amount_of(first, 'video')}, from the frames alone; percent, ± "
+        "over seeds; seconds per frame"
     )
     counts = [] if first["binary"] else ["", "points_"]
     for title in figures.values():
@@ -258,6 +268,15 @@ def _video_table(summary, dataset, methods):
             *(f"{seconds:.2f}" for seconds in ours["seconds"].values()),
         )
     return table
+
+
+def _amount(n_sequences, n_seeds, kind="sequence"):
+    """``4 sequences, 1 seed``."""
+    return f"{counted(n_sequences, kind)}, {counted(n_seeds, 'seed')}"
+
+
+def _amount_of(summary, kind="sequence"):
+    return _amount(summary["n_sequences"], summary["n_seeds"], kind)
 
 
 def _figure(ours, theirs):

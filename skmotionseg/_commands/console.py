@@ -74,11 +74,8 @@ def track_facts(X):
     ]
 
 
-def stage_facts(segmenter):
-    return [
-        (f"seconds {stage}", f"{seconds:.3f}")
-        for stage, seconds in segmenter.stage_seconds_.items()
-    ]
+def seconds_facts(seconds):
+    return [(f"seconds {stage}", f"{each:.3f}") for stage, each in seconds.items()]
 
 
 def with_progress(items, total, description, console):

@@ -14,7 +14,7 @@ from .console import (
     progress_console,
     pyplot,
     save_figure,
-    stage_facts,
+    seconds_facts,
     track_facts,
 )
 
@@ -61,7 +61,7 @@ def _demo(arguments):
                 ("motions found", str(segmenter.n_motions_)),
                 ("motions true", str(len(np.unique(y[y >= 0])))),
                 ("misclassification", f"{error:.2%}"),
-                *stage_facts(segmenter),
+                *seconds_facts(segmenter.stage_seconds_),
             ],
         )
     )

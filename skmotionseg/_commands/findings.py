@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from textwrap import fill
 
+from .._core.geometry.tracks import unpack_tracks
 from .._segmenter.report import how_sure, pixels, window_lines
 from .._utils.colours import motion_colour
 from .._utils.optional import require
-from .console import facts_table, stage_facts, track_facts
+from .console import facts_table, seconds_facts, track_facts
 
 
 def print_findings(console, arguments, sequence, segmenter):
@@ -19,7 +20,8 @@ def print_findings(console, arguments, sequence, segmenter):
     arguments : argparse.Namespace
         Of ``skmotionseg segment``.
     sequence : Bunch
-        Tracks, true labels or None, and ``seconds`` of what was done with them.
+        Tracks, true labels or None, the moving objects of which pictures were drawn or
+        None, and ``seconds`` of what was done with them.
     segmenter : MotionSegmenter
         Fitted to the tracks.
     """
@@ -33,12 +35,14 @@ def print_findings(console, arguments, sequence, segmenter):
     if sequence.target is not None and (sequence.target >= 0).any():
         error = misclassification_error(sequence.target, labels)
         facts.append(("misclassification", f"{error:.2%}"))
-    facts += stage_facts(segmenter)
-    for stage, seconds in sequence.seconds.items():
-        facts.append((f"seconds {stage}", f"{seconds:.3f}"))
+    if sequence.objects is not None:
+        facts.append(("moving objects", str(sequence.objects.max(initial=0))))
+    facts += seconds_facts(_all_seconds(sequence, segmenter))
     console.print(facts_table(arguments.file.name, facts))
     report = segmenter.report(sequence.data)
     console.print(_motion_table(report))
+    if sequence.objects is not None:
+        console.print(_object_table(sequence))
     if len(report.counts) > 1:
         console.print(_count_table(report))
     if report.windows:
@@ -55,6 +59,14 @@ def print_findings(console, arguments, sequence, segmenter):
     for name, path in files.items():
         if path is not None:
             console.print(f"{name}: {path}", highlight=False)
+
+
+def _all_seconds(sequence, segmenter):
+    """Of each stage in its order: tracking, those of the fit, pictures; and of all."""
+    stages, others = dict(segmenter.stage_seconds_), dict(sequence.seconds)
+    before = {name: others.pop(name) for name in ("tracking",) if name in others}
+    whole = stages.pop("total")
+    return {**before, **stages, "segmenting": whole, **others}
 
 
 def _motion_table(report):
@@ -80,6 +92,23 @@ def _motion_table(report):
     return table
 
 
+def _object_table(sequence):
+    """A row per moving object as masks and pictures number and colour it."""
+    table = require("rich.table", extra="cli").Table()
+    for title in ("in masks and pictures", "tracks", "frames", "colour"):
+        table.add_column(title, justify="right")
+    _, visibility = unpack_tracks(sequence.data)
+    for number in range(sequence.objects.max(initial=0) + 1):
+        own = sequence.objects == number
+        table.add_row(
+            f"object {number}" if number else "static scene 0",
+            str(own.sum()),
+            f"{visibility[own].any(axis=0).sum()} of {visibility.shape[1]}",
+            _colour(number),
+        )
+    return table
+
+
 def _colour(motion):
     colour = motion_colour(motion)
     return f"[{colour}]●[/] {colour}"
@@ -91,7 +120,7 @@ def _count_table(report):
     for title in ("motions", *report.term_names, "total"):
         # Broken here, so that narrow screens leave the width to the verdicts.
         table.add_column(fill(title, 12, break_long_words=False), justify="right")
-    table.add_column("")
+    table.add_column("verdict")
     for each in report.counts:
         table.add_row(
             str(each.n_motions),

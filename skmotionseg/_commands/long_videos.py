@@ -22,14 +22,15 @@ def segment_stored(run, clip, frames):
     Parameters
     ----------
     run : tuple
-        Arguments, what segments, and consoles for what is found and for how far it is.
+        Arguments, what segments, consoles for what is found and for how far it is, and
+        when all of it began.
         The labels are those that the segmenter would give to the matrix of the tracks
         if each frame sees some.
     clip : StoredClip
     frames : Frames
         Of the video.
     """
-    arguments, segmenter, console, progress = run
+    arguments, segmenter, console, progress, begun = run
     started = time.perf_counter()
     rng = check_random_state(segmenter.random_state)
     with reporting("windows", progress) as report:
@@ -44,18 +45,20 @@ def segment_stored(run, clip, frames):
     ]
     if wants_masks(arguments):
         masked = time.perf_counter()
-        _write_masks(arguments, frames, clip, found.labels, progress)
+        objects = _write_masks(arguments, frames, clip, found.labels, progress)
+        facts.append(("moving objects", str(objects.max(initial=0))))
         facts.append(("seconds for masks", f"{time.perf_counter() - masked:.3f}"))
     if arguments.out is not None:
         sure = found.shares if arguments.confidence else None
         write_labels_by_frame(arguments.out, clip, found.labels, sure)
+    facts.append(("seconds total", f"{time.perf_counter() - begun:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
     if arguments.out is not None:
         console.print(f"labels: {arguments.out}", highlight=False)
 
 
 def _write_masks(arguments, frames, clip, labels, console):
-    """Write masks of things that are found in blocks of frames."""
+    """Write masks of things that are found in blocks of frames; give these."""
     from ..video._masks import paint_masks
     from ..video._recognition import known_again
 
@@ -69,3 +72,4 @@ def _write_masks(arguments, frames, clip, labels, console):
         masks = paint_masks(frames, n_frames, tracked, objects, progress=progress)
         for number, mask in enumerate(masks):
             write_mask(arguments, frames.name_of(number), mask)
+    return objects

@@ -6,6 +6,7 @@ from typing import Any
 
 from .._segmenter.views import ALL_MODELS
 from .._utils.optional import require
+from .._utils.words import counted
 from .paper_runs import FUSIONS, RULES, SUBSETS
 from .runs import PAPER
 
@@ -73,9 +74,9 @@ def paper_tables(summary):
 def _table(summary, dataset):
     first = summary[dataset, ALL_MODELS[0]]
     table = require("rich.table", extra="cli").Table(
-        title=f"{dataset}: {first['n_sequences']} sequences ({PARTS[dataset]}), "
-        f"{first['n_seeds']} seeds; percent, best exponent in brackets; the paper's "
-        "figure below",
+        title=f"{dataset}: {counted(first['n_sequences'], 'sequence')} "
+        f"({PARTS[dataset]}), {counted(first['n_seeds'], 'seed')}; percent, best "
+        "exponent in brackets; the paper's figure below",
         title_justify="left",
     )
     table.add_column("method", no_wrap=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import contextmanager
 from itertools import islice
 
 from .._core.geometry.tracks import unpack_tracks
@@ -19,7 +20,8 @@ def draw(arguments, sequence, segmenter, console):
         Of ``skmotionseg segment``.
     sequence : Bunch
         Tracks as :func:`skmotionseg.datasets.load_tracks` gives them; of a video with
-        its ``frames``. Gets the ``seconds`` that masks and rendering take.
+        its ``frames``. Gets the ``objects`` that are
+        drawn, and the ``seconds`` that all of it takes.
     segmenter : MotionSegmenter
         Fitted to them.
     console : rich.console.Console
@@ -66,8 +68,8 @@ def _write_pictures(arguments, sequence, segmenter, console):
 
     size = {side: sequence.video[side] for side in ("width", "height")}
     video = sequence.frames, sequence.data
-    with reporting("objects", console) as progress:
-        objects = find_objects(
+    with _timed(sequence, "objects"), reporting("objects", console) as progress:
+        objects = sequence.objects = find_objects(
             sequence.data,
             segmenter.labels_,
             **size,
@@ -76,14 +78,12 @@ def _write_pictures(arguments, sequence, segmenter, console):
         )
     masks = write_masks(arguments, sequence.frames, sequence, objects, console)
     if arguments.render is not None:
-        started = time.perf_counter()
-        with reporting("rendering", console) as progress:
+        with _timed(sequence, "rendering"), reporting("rendering", console) as progress:
             render_segmentation(
                 *video, objects, arguments.render, masks=masks(), progress=progress
             )
-        sequence.seconds["rendering"] = time.perf_counter() - started
     if arguments.viewer is not None:
-        with reporting("viewer", console) as progress:
+        with _timed(sequence, "viewer"), reporting("viewer", console) as progress:
             write_viewer(
                 *video,
                 objects,
@@ -92,3 +92,11 @@ def _write_pictures(arguments, sequence, segmenter, console):
                 probabilities=getattr(segmenter, "probabilities_", None),
                 progress=progress,
             )
+
+
+@contextmanager
+def _timed(sequence, stage):
+    """Keep the seconds that a stage takes."""
+    started = time.perf_counter()
+    yield
+    sequence.seconds[stage] = time.perf_counter() - started

@@ -60,7 +60,7 @@ METHODS: dict[str, dict[str, Any]] = {
 }
 
 
-def find_sequences(folder, datasets):
+def find_sequences(folder, datasets, every=1):
     """Read every sequence under ``folder/<dataset>/``.
 
     Parameters
@@ -68,6 +68,8 @@ def find_sequences(folder, datasets):
     folder : path-like
     datasets : sequence of str or None
         None takes those that are there.
+    every : int
+        Of each dataset, only every such sequence is taken, from the first.
 
     Returns
     -------
@@ -89,7 +91,7 @@ def find_sequences(folder, datasets):
     return [
         (dataset, sequence)
         for dataset in datasets
-        for sequence in LOADERS[dataset](folder / dataset)
+        for sequence in list(LOADERS[dataset](folder / dataset))[::every]
     ]
 
 

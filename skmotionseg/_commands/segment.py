@@ -127,6 +127,7 @@ class _Run(NamedTuple):
     segmenter: Any
     console: Any
     progress: Any
+    started: float
 
 
 def _segment(arguments):
@@ -142,6 +143,7 @@ def _segment(arguments):
         MotionSegmenter(**method_parameters(arguments)),
         require("rich.console", extra="cli").Console(),
         progress_console(),
+        time.perf_counter(),
     )
     if video:
         _segment_video(run)
@@ -151,8 +153,7 @@ def _segment(arguments):
 
 def _segment_video(run):
     """Track a video; segment its tracks at once, or those of a long one in windows."""
-    arguments, segmenter, _, progress = run
-    started = time.perf_counter()
+    arguments, segmenter, _, progress, started = run
     frames = open_video(arguments)
     if not goes_in_blocks(arguments, frames):
         tracks, size = track_at_once(arguments, frames, progress)
@@ -172,7 +173,7 @@ def _segment_video(run):
 
 def _segment_tracks(run, sequence):
     """Segment tracks that are in memory; draw, write and print what is found."""
-    arguments, segmenter, console, progress = run
+    arguments, segmenter, console, progress, started = run
     _check_length(arguments, sequence.data.shape[1] // 2)
     with progress.status("segmenting ..."):
         segmenter.fit(sequence.data)
@@ -180,6 +181,7 @@ def _segment_tracks(run, sequence):
     if arguments.out is not None:
         sure = segmenter.probabilities_ if arguments.confidence else None
         write_labels(arguments.out, sequence, segmenter.labels_, sure)
+    sequence.seconds["total"] = time.perf_counter() - started
     print_findings(console, arguments, sequence, segmenter)
     if arguments.split_dir is not None:
         _split(arguments, sequence, segmenter.labels_, console)
@@ -230,6 +232,7 @@ def _load_tracks(arguments):
             **sequence,
             "video": {},
             "seconds": {},
+            "objects": None,
         }
     )
 
@@ -246,4 +249,5 @@ def _sequence(arguments, frames, tracks, size):
         frames=frames,
         video={"width": width, "height": height, "fps": fps},
         seconds={},
+        objects=None,
     )

@@ -11,6 +11,7 @@ import numpy as np
 from .._core.geometry.description_length import clip_geometry
 from .._core.geometry.model_choice import ModelChoice, choose_model
 from .._core.stream.joining import SURE
+from .._utils.words import counted
 from .motions import ISOLATED, OUTLIER, TOO_SHORT
 
 # Probability of a number of motions below which it is nearly as likely to be another.
@@ -391,8 +392,8 @@ def _verdict_of_chosen(gainless_pair, n_counts):
 def _summary(report):
     n_motions = len(report.motions)
     return (
-        f"{n_motions} motion{'' if n_motions == 1 else 's'} in {report.n_tracks} "
-        f"tracks, {_unassigned(report)}, {report.n_frames} frames"
+        f"{counted(n_motions, 'motion')} in {counted(report.n_tracks, 'track')}, "
+        f"{_unassigned(report)}, {counted(report.n_frames, 'frame')}"
     )
 
 

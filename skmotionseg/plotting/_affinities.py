@@ -15,10 +15,10 @@ from .._core.labels import indicator
 from .._utils.colours import AFFINITY_MAP, OUTLINE_COLOUR
 from .._utils.optional import require
 from .._utils.validation import check_label_each
+from .._utils.words import counted
 from ._drawing import (
     check_names,
     count_motions,
-    counted,
     last_step,
     read_stacked,
     require_pyplot,

@@ -263,7 +263,7 @@ class CountDisplay:
             markersize=6,
             markerfacecolor="white",
             markeredgecolor=series_colour(2),
-            label="two motions gain too little",
+            label="two of the motions are one",
         )[0]
 
 

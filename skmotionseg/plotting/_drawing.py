@@ -92,8 +92,3 @@ def count_motions(labels: npt.ArrayLike) -> int:
     """Motions among the labels; -1 is none."""
     labels = np.asarray(labels)
     return len(np.unique(labels[labels >= 0]))
-
-
-def counted(count: int, noun: str) -> str:
-    """``1 motion``, ``2 motions``."""
-    return f"{count} {noun}" + ("" if count == 1 else "s")

@@ -318,7 +318,7 @@ def test_counts_that_were_passed_over_are_hollow():
     assert_array_equal(display.passed_over_line_.get_xdata(), [2, 4])
     assert_array_equal(display.passed_over_line_.get_ydata(), costs[[1, 3], 2])
     assert display.passed_over_line_.get_markerfacecolor() == "white"
-    assert texts(display.legend_)[-1] == "two motions gain too little"
+    assert texts(display.legend_)[-1] == "two of the motions are one"
     assert CountDisplay([1, 2], costs[:2], 1).plot().passed_over_line_ is None
 
 
