@@ -102,7 +102,8 @@ def machine():
         ]
         cpu = models[0] if models else cpu
     blas = {
-        f"{pool['internal_api']} {pool['version']}"
+        # Kernels of other processors round differently.
+        " ".join([pool["internal_api"], pool["version"], pool.get("architecture", "")])
         for pool in threadpool_info()
         if pool["user_api"] == "blas"
     }

@@ -111,20 +111,14 @@ def _run_paper(arguments, console, journal):
     """The paper's tables by the protocol of its authors."""
     from .paper_runs import DELTAS, run_paper, summarize_paper
     from .paper_tables import WARNING, paper_tables
-    from .runs import find_sequences
+    from .runs import datasets_in, find_sequences
 
     if arguments.methods is not None:
         raise ValueError("--paper has its own methods; omit --methods")
     first, last = arguments.exponents
     if first > last:
         raise ValueError(f"--exponents must be in ascending order; got {first} {last}")
-    datasets = arguments.datasets or [
-        name for name in DELTAS if (arguments.data / name).is_dir()
-    ]
-    if not datasets:
-        raise FileNotFoundError(
-            f"none of the folders {', '.join(DELTAS)} is in {arguments.data}"
-        )
+    datasets = arguments.datasets or datasets_in(arguments.data, DELTAS)
     sequences = find_sequences(arguments.data, datasets, arguments.every)
     batches = run_paper(
         sequences,

@@ -83,16 +83,30 @@ def find_sequences(folder, datasets, every=1):
     """
     folder = Path(folder)
     if datasets is None:
-        datasets = [name for name in LOADERS if (folder / name).is_dir()]
-        if not datasets:
-            raise FileNotFoundError(
-                f"none of the folders {', '.join(LOADERS)} is in {folder}"
-            )
+        datasets = datasets_in(folder, LOADERS)
     return [
         (dataset, sequence)
         for dataset in datasets
         for sequence in list(LOADERS[dataset](folder / dataset))[::every]
     ]
+
+
+def datasets_in(folder, names):
+    """Those of the names that are folders there.
+
+    Raises
+    ------
+    FileNotFoundError
+        If none is.
+    """
+    folder = Path(folder)
+    found = [name for name in names if (folder / name).is_dir()]
+    if not found:
+        message = f"none of the folders {', '.join(names)} is in {folder}"
+        if folder.resolve().name in names:
+            message += f"; is it --data {folder.resolve().parent}?"
+        raise FileNotFoundError(message)
+    return found
 
 
 def run(sequences, methods, seeds, n_jobs, journal=None):

@@ -141,7 +141,8 @@ def _segment(arguments):
     run = _Run(
         arguments,
         MotionSegmenter(**method_parameters(arguments)),
-        require("rich.console", extra="cli").Console(),
+        # Whoever lacks both extras is told so at once.
+        require("rich.console", extra="cli,video" if video else "cli").Console(),
         progress_console(),
         time.perf_counter(),
     )

@@ -15,7 +15,7 @@ from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._mat5 import read_mat5
 from ._moseg import read_moseg_tracks
 from ._sizes import check_table, whole_numbers
-from ._trackers import in_pixels, read_npz, warn_if_normalized
+from ._trackers import in_pixels, read_npz, warn_if_normalized, warn_if_swapped
 
 KINDS = {
     ".npz": "an archive of numpy.savez with points or X",
@@ -123,7 +123,8 @@ def load_tracks(
     Warns
     -----
     UserWarning
-        If all coordinates are at most 2, so that they cannot be pixels.
+        If all coordinates are at most 2, so that they cannot be pixels; or if tracks
+        and frames seem to be in each other's place.
 
     Examples
     --------
@@ -150,6 +151,8 @@ def load_tracks(
             f"{KINDS[path.suffix.lower()]})"
         ) from error
     warn_if_normalized(fields["data"], path.name)
+    if layout is None and "layout" in OPTIONS.get(path.suffix.lower(), ()):
+        warn_if_swapped(fields["data"], path.name)
     return Bunch(**{"target": None, "name": path.stem, **fields})
 
 

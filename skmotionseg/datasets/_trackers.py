@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 from scipy.special import expit
 
-from .._core.geometry.tracks import pack_tracks
+from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 
@@ -168,6 +168,26 @@ def warn_if_normalized(data, name):
         "WIDTH HEIGHT of the command)",
         stacklevel=3,
     )
+
+
+def warn_if_swapped(data, name):
+    """Warn where what should be tracks looks like the points of a frame.
+
+    A track moves over less of the image than all tracks of a frame cover.
+    """
+    points, _ = unpack_tracks(data)
+    n_tracks, n_frames = points.shape[:2]
+    if n_tracks >= n_frames:
+        return
+    of_track, of_frame = _spread(points)
+    if of_track > of_frame:
+        warnings.warn(
+            f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "
+            "of the image than all of them cover in a frame: if tracks and frames are "
+            'in each other\'s place, pass layout="frames_first" (--layout frames_first '
+            "of the command)",
+            stacklevel=3,
+        )
 
 
 def in_pixels(data, image_size):

@@ -483,6 +483,22 @@ def test_headers_that_do_not_fit(text, tmp_path):
         load_tracks(path)
 
 
+@pytest.mark.parametrize("ending", [".npz", ".npy"])
+def test_swapped_axes_are_suspected(tmp_path, ending, recwarn):
+    X, _ = make_rigid_motions(60, 8, 2, missing=0.2, random_state=0)
+    points, _ = unpack_tracks(X)
+    path = tmp_path / f"clip{ending}"
+    save = np.save if ending == ".npy" else lambda path, a: np.savez(path, points=a)
+    save(path, points.swapaxes(0, 1))
+    with pytest.warns(UserWarning, match="8 tracks of 60 frames.*--layout frames_fir"):
+        load_tracks(path)
+    recwarn.clear()
+    assert_array_equal(load_tracks(path, layout="frames_first").data, X)
+    save(path, np.concatenate([points[:7]] * 2, axis=1))  # fewer tracks than frames
+    assert load_tracks(path).data.shape == (7, 32)
+    assert not recwarn.list
+
+
 def test_csv_of_a_row_a_track(tracks, tmp_path):
     *_, X = tracks
     path = tmp_path / "clip.csv"

@@ -400,6 +400,16 @@ def test_bench_measures_the_segmenter(measured, benchmarks):
             assert record[name] == error
 
 
+def test_bench_takes_every_other_sequence(run, benchmarks, tmp_path):
+    out = tmp_path / "records.json"
+    options = ["--methods", "affine", "--seeds", "1", "--jobs", "1", "--every", "2"]
+    code, printed, _ = run("bench", "--data", benchmarks, *options, "--json", out)
+    assert code == 0
+    names = [record["sequence"] for record in json.loads(out.read_text())]
+    assert names == ["small", "Seq0"]
+    assert "KT3DMoSeg: 1 sequence, 1 seed;" in printed
+
+
 def bench_table(printed):
     """The cells of the table of errors, by method; a cell may take several lines."""
     cells, _ = printed.split("mean seconds")
@@ -448,7 +458,7 @@ def test_bench_names_the_methods_where_the_terminal_is_narrow(
 def test_bench_takes_what_it_finds_and_knows(run, benchmarks, monkeypatch):
     monkeypatch.setattr("skmotionseg._commands.runs.MotionSegmenter", LargestMotionOnly)
     _, printed, _ = run(*bench(benchmarks, "--seeds", 1))
-    for dataset in ("Hopkins12: 1 sequences", "KT3DMoSeg: 2 sequences"):
+    for dataset in ("Hopkins12: 1 sequence,", "KT3DMoSeg: 2 sequences"):
         assert dataset in printed
     errors, seconds = printed.split("mean seconds")
     for name in (*METHODS, *COMPARED, "default"):
@@ -468,7 +478,7 @@ def test_bench_takes_pairs_of_images_which_the_paper_does_not(
     path = tmp_path / "AdelaideRMF" / "book.mat"
     scipy.io.savemat(path, {"data": data, "label": y[None] + 1})
     _, printed, _ = run(*bench(tmp_path, "--seeds", 1, "--methods", "default"))
-    assert "AdelaideRMF: 1 sequences" in printed
+    assert "AdelaideRMF: 1 sequence," in printed
 
 
 @pytest.fixture
@@ -497,7 +507,7 @@ def test_bench_scores_regions(run, fbms, tmp_path):
     assert code == 0
     assert errors.endswith("2 sequences, 2 seeds: 4 of 4 done\n")
     for part in ("Trainingset", "Testset"):
-        title = rf"FBMS59 {part}: 1 sequences, 2 seeds; number of motions unknown"
+        title = rf"FBMS59 {part}: 1 sequence, 2 seeds; number of motions unknown"
         assert len(re.findall(title, " ".join(printed.split()))) == 1
     assert "mean seconds" not in printed  # with the number of motions known
     records = json.loads(out.read_text())
@@ -587,6 +597,10 @@ ERRORS = {
     "demo --out nowhere/demo.png": "nowhere",
     "demo --out demo.txt": "end in .* got demo.txt",
     f"{BENCH} nowhere": "none of the folders Hopkins155, .* DAVIS16 is in nowhere",
+    "bench --paper --data {data}/KT3DMoSeg": (
+        r"folders Hopkins155, .* is in .*KT3DMoSeg; is it --data .*\?"
+    ),
+    f"{BENCH} {{data}}/KT3DMoSeg": "folders Hopkins155, .*; is it --data",
     f"{BENCH} {{data}} --datasets MTPV62": r"no file \*_Tracks.mat in .*MTPV62",
     f"{BENCH} {{data}} --json nowhere/records.json": "nowhere",
 }
@@ -607,7 +621,7 @@ def test_errors_are_one_line_and_come_first(
     }
     paths["notes"].write_text("not tracks")
     np.savez(paths["other"], a=np.ones(3))
-    np.save(paths["long"], np.tile(np.arange(202.0), (12, 1)))
+    np.save(paths["long"], np.arange(202.0) + 100 * np.arange(12.0)[:, None])
     paths["broken"].write_bytes(scene_file.read_bytes()[:1000])
     before = set(tmp_path.rglob("*"))
     code, printed, errors = run(*(part.format(**paths) for part in command.split()))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import weakref
 
 import numpy as np
@@ -451,7 +452,19 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     options += ["--report", tmp_path / "report.png"]
     options += ["--motions", 2, "--max-frames", 6, "--jobs", 1]
     code = main(["segment", str(folder), *map(str, options)])
-    assert (code, without_progress(capsys.readouterr().err)) == (0, "")
+    printed = capsys.readouterr()
+    assert (code, without_progress(printed.err)) == (0, "")
+    assert re.search(r"moving objects +│ +1 │", printed.out)
+    assert re.search(r"object 1 │ +\d+ │ 6 of 6 │ ● #d55e00", printed.out)
+    whole, *parts = reversed(re.findall(r"seconds (\w+) +│ +([0-9.]+)", printed.out))
+    assert [name for name, _ in parts[:5]] == [
+        "viewer",
+        "rendering",
+        "masks",
+        "objects",
+        "segmenting",
+    ]
+    assert float(whole[1]) >= sum(float(seconds) for _, seconds in parts[:5])
     report = cv2.imread(str(tmp_path / "report.png"))
     assert len(np.unique(report[::4, ::4].reshape(-1, 3), axis=0)) > 500  # an image
     names = [f"im{number}" for number in range(6)]
