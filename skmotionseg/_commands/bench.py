@@ -52,6 +52,13 @@ def add_bench(commands):
     methods = list(METHODS)
     bench.add_argument("--methods", nargs="+", choices=methods, help=METHODS_HELP)
     _add_paper(bench)
+    _add_amounts(bench)
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write all records")
+    bench.add_argument("--resume", type=Path, metavar="FILE", help=RESUME_HELP)
+    bench.set_defaults(run=_run_bench)
+
+
+def _add_amounts(bench):
     bench.add_argument(
         "--every",
         type=count,
@@ -65,15 +72,12 @@ def add_bench(commands):
         default=3,
         help="random seeds per method and sequence (default: 3)",
     )
-    bench.add_argument("--json", type=Path, metavar="FILE", help="write all records")
-    bench.add_argument("--resume", type=Path, metavar="FILE", help=RESUME_HELP)
     bench.add_argument(
         "--jobs",
         type=int,
         default=-1,
         help="sequences to run in parallel; -1 is all processors (default: -1)",
     )
-    bench.set_defaults(run=_run_bench)
 
 
 def _add_paper(bench):

@@ -15,6 +15,8 @@ from ._sizes import whole_numbers
 LARGEST_SHARE = 2
 # Fewer tracks than a fundamental matrix needs may be anything.
 FEWEST_TO_WARN = 8
+# Tracks that move over more than so many times what all of them cover are suspicious.
+FARTHEST_MOVED = 2
 
 
 def read_npz(path, *, layout=None, visible_above=None, size_known=False):
@@ -173,19 +175,20 @@ def warn_if_normalized(data, name):
 def warn_if_swapped(data, name):
     """Warn where what should be tracks looks like the points of a frame.
 
-    A track moves over less of the image than all tracks of a frame cover.
+    A track moves over less of the image than all tracks of a frame cover, or, if all
+    of it moves and there are few, not over much more.
     """
     points, _ = unpack_tracks(data)
     n_tracks, n_frames = points.shape[:2]
     if n_tracks >= n_frames:
         return
     of_track, of_frame = _spread(points)
-    if of_track > of_frame:
+    if of_track > FARTHEST_MOVED * of_frame:
         warnings.warn(
             f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "
-            "of the image than all of them cover in a frame: if tracks and frames are "
-            'in each other\'s place, pass layout="frames_first" (--layout frames_first '
-            "of the command)",
+            f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "
+            'and frames are in each other\'s place, pass layout="frames_first" '
+            "(--layout frames_first of the command)",
             stacklevel=3,
         )
 

@@ -33,6 +33,19 @@ def linked(y, within=1.0, across=0.02):
     return affinity
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_tracks_of_one_place_are_near_their_motion(seed):
+    """Whatever matrix they get: all are in an epipole, where rounding decides."""
+    y, steps = np.repeat([0, 1], 20), np.array([0, 0.5, 1.2])[:, None]
+    path = np.random.default_rng(seed).normal(size=(2, 2))
+    starts = np.array([[1.3, 1.1], [0.8, 1.4]])
+    points = np.float32(1e6 * (starts[y][:, None] + steps * path[y][:, None]))
+    visibility = np.ones(points.shape[:2], dtype=bool)
+    motions = fit_motions(clip_geometry(points.astype(float), visibility), y, linked(y))
+    distances = motions.distances(points.astype(float), visibility)
+    assert inliers(motions, distances)[y, np.arange(40)].all()
+
+
 @pytest.mark.parametrize("shapes", ["general", "planar"])
 def test_a_motion_stays_what_it_is_among_two_fifths_of_rubbish(shapes):
     _, y, tracks = scene_with(0.3, n_frames=20, shapes=shapes, n_motions=1)

@@ -77,7 +77,7 @@ def test_it_says_that_it_is_tuned_on_what_it_tests(printed):
     tables, progress, _ = printed
     assert "Tuned on what it is tested on" in tables
     assert "2 of 2 done" in progress
-    assert "KT3DMoSeg: 2 sequences (the paper: 22), 1 seeds" in tables
+    assert "KT3DMoSeg: 2 sequences (the paper: 22), 1 seed" in tables
 
 
 @pytest.mark.parametrize("method", ["affine", "coreg", "subset"])

@@ -28,6 +28,8 @@ INLIER_THRESHOLD = 6.0
 # Motions this much noisier than that of the median track are none. Halved or doubled,
 # nothing changes on KT3DMoSeg.
 USUAL_NOISE = 2.0
+# Sums below this share of their terms are rounding errors.
+ROUNDING = 1e-13
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,9 @@ def sampson_distances(F, x, y):
     if not F.any():
         return np.full(len(x), np.inf)
     algebraic = np.abs((y * lines).sum(axis=1))
+    # In an epipole the gradient is a rounding error as well, and all is on a line.
+    largest = (np.abs(y) * (np.abs(x) @ np.abs(F.T))).sum(axis=1)
+    algebraic = np.where(algebraic > ROUNDING * largest, algebraic, 0)
     return algebraic / np.sqrt(np.maximum(gradient, np.finfo(float).tiny))
 
 
