@@ -239,32 +239,32 @@ def _region_table(summary, part, methods):
 
 
 def _video_table(summary, dataset, methods):
-    """One dataset of videos: a row per method."""
+    """One dataset of videos: a row per figure, a column per method."""
     from .video_runs import BINARY_FIGURES, REGION_FIGURES
 
     first = summary[dataset, methods[0]]
-    figures = BINARY_FIGURES if first["binary"] else REGION_FIGURES
-    table = _figure_table(
-        f"{dataset}: {_amount_of(first, 'video')}, from the frames alone; percent, ± "
-        "over seeds; seconds per frame"
+    figures = dict(BINARY_FIGURES if first["binary"] else REGION_FIGURES)
+    for name in figures:
+        if name.endswith("extracted"):
+            n_objects = first[name.replace("extracted", "visible")][0]
+            figures[name] += f" of {n_objects:.0f}"
+    table = require("rich.table", extra="cli").Table(
+        title=f"{dataset}: {_amount_of(first, 'video')}, from the frames alone; "
+        "percent, ± over seeds",
+        title_justify="left",
     )
-    counts = [] if first["binary"] else ["", "points_"]
-    for title in figures.values():
-        table.add_column(title, justify="right")
-    for prefix in counts:
-        visible = first[f"{prefix}visible"][0]
-        what = "by points" if prefix else "by pixels"
-        table.add_column(f"objects of {visible:.0f} {what}", justify="right")
-    for stage in first["seconds"]:
-        table.add_column(stage, justify="right")
+    table.add_column("")
     for method in methods:
-        ours = summary[dataset, method]
+        table.add_column(method, justify="right")
+    results = [summary[dataset, method] for method in methods]
+    for name, title in figures.items():
         table.add_row(
-            method,
-            *(_figure(ours[name], None) for name in figures),
-            *(_figure(ours[f"{prefix}extracted"], None) for prefix in counts),
-            *(f"{seconds:.2f}" for seconds in ours["seconds"].values()),
+            title, *(f"{m:.2f} ±{s:.2f}" for m, s in (r[name] for r in results))
         )
+    table.add_section()
+    for stage in first["seconds"]:
+        cells = (f"{ours['seconds'][stage]:.2f}" for ours in results)
+        table.add_row(f"seconds per frame: {stage}", *cells)
     return table
 
 

@@ -28,14 +28,16 @@ VIDEO_LOADERS = {"BMS26": load_bms26, "DAVIS16": load_davis16}
 # Frames whose tracks are scored as points, as the papers do.
 POINT_FRAMES = 10
 # Columns of the tables: of videos with one object, and with several regions.
-BINARY_FIGURES = {"region": "J", "boundary": "F"}
+BINARY_FIGURES = {"region": "region similarity J", "boundary": "boundary F"}
 REGION_FIGURES = {
     "precision": "pixels: precision",
-    "recall": "recall",
-    "f_measure": "F",
+    "recall": "pixels: recall",
+    "f_measure": "pixels: F",
+    "extracted": "pixels: objects",
     "points_precision": "points: precision",
-    "points_recall": "recall",
-    "points_f_measure": "F",
+    "points_recall": "points: recall",
+    "points_f_measure": "points: F",
+    "points_extracted": "points: objects",
 }
 
 
