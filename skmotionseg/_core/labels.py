@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+# Nearest rows that are looked for beyond those that vote, as some have no vote.
+SPARE_VOTERS = 19
+
 
 def canonical_labels(labels):
     """Number the labels 0, 1, ... from the largest group down; negative ones stay -1.
@@ -97,7 +100,75 @@ def nearest_votes(affinity, labels, n_nearest=5):
     affinity = np.where(labels >= 0, affinity, 0).astype(float)  # sums are exact
     n_nearest = min(n_nearest, affinity.shape[1])
     last = np.partition(affinity, -n_nearest, axis=1)[:, -n_nearest, None]
-    votes = np.where(affinity >= last, affinity, 0) @ indicator(labels)
+    return _winners(np.where(affinity >= last, affinity, 0) @ indicator(labels))
+
+
+def nearest_votes_in_each(affinity, partitions, n_nearest=5):
+    """:func:`nearest_votes` for several partitions of the same rows.
+
+    The nearest of each row are looked for once, with some to spare for those that have
+    no vote in one partition or another; rows for which these do not suffice, or which
+    have ties beyond them, are left to :func:`nearest_votes`.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (m, n)
+        Of new rows to fitted rows.
+    partitions : ndarray of int, shape (n_partitions, n)
+        Labels of the fitted rows.
+    n_nearest : int
+
+    Returns
+    -------
+    labels : ndarray of int, shape (n_partitions, m)
+    shares : ndarray of shape (n_partitions, m)
+    """
+    n_spared = n_nearest + SPARE_VOTERS
+    found = np.empty((len(partitions), len(affinity)), dtype=int)
+    shares = np.empty(found.shape)
+    nearest = None
+    if len(partitions) > 1 and n_spared < affinity.shape[1]:
+        nearest = _nearest(affinity, n_spared)
+    for k, labels in enumerate(partitions):
+        left = np.ones(len(affinity), dtype=bool)
+        if nearest is not None and labels.max(initial=-1) >= 0:
+            found[k], shares[k], left = _votes_of(*nearest, labels, n_nearest)
+        if left.any():
+            found[k, left], shares[k, left] = nearest_votes(
+                affinity[left], labels, n_nearest
+            )
+    return found, shares
+
+
+def _nearest(affinity, n_nearest):
+    """Positions and affinities (m, n_nearest) of the nearest rows, nearest first."""
+    nearest = np.argpartition(affinity, -n_nearest, axis=1)[:, -n_nearest:]
+    nearest.sort(axis=1)  # whatever the order that they were found in
+    values = np.take_along_axis(affinity, nearest, 1).astype(float)
+    order = np.argsort(-values, axis=1, kind="stable")
+    return tuple(np.take_along_axis(each, order, 1) for each in (nearest, values))
+
+
+def _votes_of(nearest, affinity, labels, n_nearest):
+    """Labels and shares (m,) by the votes of the nearest, and whether they are few."""
+    labels_near = labels[nearest]
+    voters = labels_near >= 0
+    n_voters = voters.cumsum(axis=1)
+    rows = np.arange(len(nearest))
+    last = affinity[rows, (n_voters >= n_nearest).argmax(axis=1)]
+    few = (n_voters[:, -1] < n_nearest) | (last <= affinity[:, -1])
+    chosen = voters & (affinity >= last[:, None])
+    n_labels = labels.max() + 1
+    votes = np.bincount(
+        (rows[:, None] * n_labels + labels_near)[chosen],
+        affinity[chosen],
+        minlength=len(rows) * n_labels,
+    ).reshape(-1, n_labels)
+    return *_winners(votes), few
+
+
+def _winners(votes):
+    """Labels with the most votes, -1 where there are none, and their shares."""
     most = votes.max(axis=1)
     shares = most / np.where(most > 0, votes.sum(axis=1), 1)
     return np.where(most > 0, votes.argmax(axis=1), -1), shares

@@ -15,7 +15,7 @@ from .._core.geometry.motion_models import (
     MotionModel,
     get_motion_model,
 )
-from .._core.labels import nearest_votes
+from .._core.labels import nearest_votes_in_each
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.validation import as_memory
@@ -185,11 +185,12 @@ def place_by_landmarks(views, points, visibility, landmarks, labels, n_jobs):
     shares = np.ones(everywhere.shape)
     others = np.setdiff1d(np.arange(n_tracks), landmarks)
     alike = resemblance(points, visibility, landmarks, others)
-    votes = [[nearest_votes(batch, some) for some in labels] for batch in alike]
+    votes = [nearest_votes_in_each(batch, labels) for batch in alike]
     if votes:
-        for k, of_batches in enumerate(zip(*votes, strict=True)):
-            found, share = map(np.concatenate, zip(*of_batches, strict=True))
-            everywhere[k, others], shares[k, others] = found, share
+        found, share = (
+            np.concatenate(each, axis=1) for each in zip(*votes, strict=True)
+        )
+        everywhere[:, others], shares[:, others] = found, share
         alone = others[(everywhere[:, others] < 0).all(axis=0)]
         if len(alone):
             everywhere[:, alone], shares[:, alone] = place_tracks(
@@ -244,5 +245,4 @@ def _place_batch(views, points, visibility, labels):
         pairs = kernel._spread_pairs(PAIRS_TO_PLACE)
         blocks = sampler._blocks(points, visibility, pairs)
         affinity += kernel._transform_blocks(len(points), blocks, pairs)
-    votes = [nearest_votes(affinity, partition) for partition in labels]
-    return tuple(map(np.stack, zip(*votes, strict=True)))
+    return nearest_votes_in_each(affinity, labels)

@@ -12,6 +12,7 @@ from skmotionseg._core.labels import (
     indicator,
     nearest_labels,
     nearest_votes,
+    nearest_votes_in_each,
 )
 
 
@@ -120,6 +121,40 @@ def test_votes_are_shared():
     )
     assert labels.tolist() == [0, -1]
     np.testing.assert_allclose(shares, [0.75, 0])
+
+
+@pytest.mark.parametrize("levels", [3, 40, None])
+@pytest.mark.parametrize("n_fitted", [8, 24, 25, 200])
+@pytest.mark.parametrize("outliers", [0.0, 0.5, 0.95, 1.0])
+def test_votes_in_each_partition_are_those_in_one(levels, n_fitted, outliers):
+    rng = np.random.default_rng(n_fitted)
+    affinity = rng.uniform(size=(60, n_fitted))
+    if levels is not None:  # with ties, and rows that have no affinity at all
+        affinity = np.floor(levels * affinity) / levels
+        affinity[::7] = 0
+    partitions = rng.integers(5, size=(4, n_fitted))
+    partitions[rng.uniform(size=partitions.shape) < outliers] = -1
+    partitions[0] = 0
+    found, shares = nearest_votes_in_each(affinity, partitions)
+    for k, labels in enumerate(partitions):
+        expected = nearest_votes(affinity, labels)
+        np.testing.assert_allclose(shares[k], expected[1], rtol=1e-12)
+        # Where several have most votes, rounding may decide.
+        unequal = np.flatnonzero(found[k] != expected[0])
+        votes = _votes_by_sorting(affinity[unequal], labels)
+        for row, label in zip(votes, found[k][unequal], strict=True):
+            np.testing.assert_allclose(row[label], row.max(), rtol=1e-12)
+
+
+def _votes_by_sorting(affinity, labels, n_nearest=5):
+    """Votes (m, M), one row and one voter after another."""
+    votes = np.zeros((len(affinity), labels.max(initial=-1) + 1))
+    voters = np.flatnonzero(labels >= 0)
+    for row, own in zip(votes, affinity[:, voters], strict=True):
+        last = np.sort(own)[-n_nearest:][0]
+        for value, voter in zip(own, voters, strict=True):
+            row[labels[voter]] += value if value >= last else 0
+    return votes
 
 
 def test_pairs_follow_their_groups():
