@@ -132,7 +132,7 @@ def nearest_votes_in_each(affinity, partitions, n_nearest=5):
     for k, labels in enumerate(partitions):
         left = np.ones(len(affinity), dtype=bool)
         if nearest is not None and labels.max(initial=-1) >= 0:
-            found[k], shares[k], left = _votes_of(*nearest, labels, n_nearest)
+            found[k], shares[k], left = _votes_of(nearest, labels, n_nearest)
         if left.any():
             found[k, left], shares[k, left] = nearest_votes(
                 affinity[left], labels, n_nearest
@@ -146,15 +146,16 @@ def _nearest(affinity, n_nearest):
     nearest.sort(axis=1)  # whatever the order that they were found in
     values = np.take_along_axis(affinity, nearest, 1).astype(float)
     order = np.argsort(-values, axis=1, kind="stable")
-    return tuple(np.take_along_axis(each, order, 1) for each in (nearest, values))
+    return np.take_along_axis(nearest, order, 1), np.take_along_axis(values, order, 1)
 
 
-def _votes_of(nearest, affinity, labels, n_nearest):
+def _votes_of(nearest, labels, n_nearest):
     """Labels and shares (m,) by the votes of the nearest, and whether they are few."""
-    labels_near = labels[nearest]
+    positions, affinity = nearest
+    labels_near = labels[positions]
     voters = labels_near >= 0
     n_voters = voters.cumsum(axis=1)
-    rows = np.arange(len(nearest))
+    rows = np.arange(len(positions))
     last = affinity[rows, (n_voters >= n_nearest).argmax(axis=1)]
     few = (n_voters[:, -1] < n_nearest) | (last <= affinity[:, -1])
     chosen = voters & (affinity >= last[:, None])
