@@ -30,7 +30,7 @@ FITS = {
     "hypotheses": "skmotionseg.sampling.draw_hypotheses",
     "kernel": "skmotionseg.kernels.ORKKernel._fit_blocks",
     "clustering": "skmotionseg._core.graph.spectral.leading_eigenvectors",
-    "placing": "skmotionseg._segmenter.views.nearest_votes_in_each",
+    "placing": "skmotionseg._core.labels._winners",
 }
 TRACKED = ("segment", "{video}", "--motions", "2", "--grid", "12", "--jobs", "2")
 SEGMENT = ("segment", "{tracks}", "--motions", "2", "--selection", "ncre")
