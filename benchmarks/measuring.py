@@ -103,7 +103,9 @@ def machine():
         cpu = models[0] if models else cpu
     blas = {
         # Kernels of other processors round differently.
-        " ".join([pool["internal_api"], pool["version"], pool.get("architecture", "")])
+        " ".join(
+            filter(None, map(pool.get, ("internal_api", "version", "architecture")))
+        )
         for pool in threadpool_info()
         if pool["user_api"] == "blas"
     }

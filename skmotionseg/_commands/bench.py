@@ -248,12 +248,11 @@ def _video_table(summary, dataset, methods):
         if name.endswith("extracted"):
             n_objects = first[name.replace("extracted", "visible")][0]
             figures[name] += f" of {n_objects:.0f}"
-    table = require("rich.table", extra="cli").Table(
-        title=f"{dataset}: {_amount_of(first, 'video')}, from the frames alone; "
-        "percent, ± over seeds",
-        title_justify="left",
+    table = _figure_table(
+        f"{dataset}: {_amount_of(first, 'video')}, from the frames alone; percent, ± "
+        "over seeds",
+        rows_of="",
     )
-    table.add_column("")
     for method in methods:
         table.add_column(method, justify="right")
     results = [summary[dataset, method] for method in methods]
@@ -296,7 +295,7 @@ def _time_table(summary, datasets, methods):
     return table
 
 
-def _figure_table(title):
+def _figure_table(title, rows_of="method"):
     table = require("rich.table", extra="cli").Table(title=title, title_justify="left")
-    table.add_column("method", no_wrap=True)
+    table.add_column(rows_of, no_wrap=True)
     return table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -98,6 +99,15 @@ def reporting(description, console):
     with require("rich.progress", extra="cli").Progress(console=console) as bars:
         bar = bars.add_task(description, total=None)
         yield lambda done, total: bars.update(bar, completed=done, total=total)
+
+
+@contextmanager
+def timed_stage(name, sequence, console):
+    """As :func:`reporting`; keeps the seconds in those of a sequence."""
+    started = time.perf_counter()
+    with reporting(name, console) as report:
+        yield report
+    sequence.seconds[name] = time.perf_counter() - started
 
 
 def _print_tenth(description, done, total, console):

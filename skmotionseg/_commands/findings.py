@@ -21,7 +21,7 @@ def print_findings(console, arguments, sequence, segmenter):
         Of ``skmotionseg segment``.
     sequence : Bunch
         Tracks, true labels or None, the moving objects of which pictures were drawn or
-        None, and ``seconds`` of what was done with them.
+        None, and ``seconds`` of each stage, in order.
     segmenter : MotionSegmenter
         Fitted to the tracks.
     """
@@ -37,7 +37,7 @@ def print_findings(console, arguments, sequence, segmenter):
         facts.append(("misclassification", f"{error:.2%}"))
     if sequence.objects is not None:
         facts.append(("moving objects", str(sequence.objects.max(initial=0))))
-    facts += seconds_facts(_all_seconds(sequence, segmenter))
+    facts += seconds_facts(sequence.seconds)
     console.print(facts_table(arguments.file.name, facts))
     report = segmenter.report(sequence.data)
     console.print(_motion_table(report))
@@ -59,14 +59,6 @@ def print_findings(console, arguments, sequence, segmenter):
     for name, path in files.items():
         if path is not None:
             console.print(f"{name}: {path}", highlight=False)
-
-
-def _all_seconds(sequence, segmenter):
-    """Of each stage in its order: tracking, those of the fit, pictures; and of all."""
-    stages, others = dict(segmenter.stage_seconds_), dict(sequence.seconds)
-    before = {name: others.pop(name) for name in ("tracking",) if name in others}
-    whole = stages.pop("total")
-    return {**before, **stages, "segmenting": whole, **others}
 
 
 def _motion_table(report):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 import zlib
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from .._utils.png import encode_grey, encode_labels
 from .._utils.writing import check_folder_of, check_output, replacing
-from .console import reporting
+from .console import timed_stage
 
 # Options whose outputs are of things that move, in the frames of a video.
 OF_THINGS = ("masks", "static_masks", "prompts", "viewer")
@@ -82,14 +81,13 @@ def write_masks(arguments, frames, sequence, objects, console):
     from ..video import dense_masks
 
     make_folders(arguments)
-    started, kept = time.perf_counter(), []
-    with reporting("masks", console) as progress:
+    kept = []
+    with timed_stage("masks", sequence, console) as progress:
         masks = dense_masks(frames, sequence.data, objects, progress=progress)
         for number, mask in enumerate(masks):
             write_mask(arguments, frames.name_of(number), mask)
             if drawn:
                 kept.append(zlib.compress(mask.tobytes(), 1))
-    sequence.seconds["masks"] = time.perf_counter() - started
     shape = mask.shape
     return lambda: (
         np.frombuffer(zlib.decompress(each), np.uint8).reshape(shape) for each in kept

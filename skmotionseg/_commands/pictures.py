@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import time
-from contextlib import contextmanager
 from itertools import islice
 
 from .._core.geometry.tracks import unpack_tracks
-from .console import pyplot, reporting, save_figure
+from .console import pyplot, save_figure, timed_stage
 from .mask_files import OF_THINGS, write_masks
 
 
@@ -20,8 +18,8 @@ def draw(arguments, sequence, segmenter, console):
         Of ``skmotionseg segment``.
     sequence : Bunch
         Tracks as :func:`skmotionseg.datasets.load_tracks` gives them; of a video with
-        its ``frames``. Gets the ``objects`` that are
-        drawn, and the ``seconds`` that all of it takes.
+        its ``frames``. Gets the ``objects`` that are drawn, and the ``seconds`` that it
+        all takes.
     segmenter : MotionSegmenter
         Fitted to them.
     console : rich.console.Console
@@ -68,7 +66,7 @@ def _write_pictures(arguments, sequence, segmenter, console):
 
     size = {side: sequence.video[side] for side in ("width", "height")}
     video = sequence.frames, sequence.data
-    with _timed(sequence, "objects"), reporting("objects", console) as progress:
+    with timed_stage("objects", sequence, console) as progress:
         objects = sequence.objects = find_objects(
             sequence.data,
             segmenter.labels_,
@@ -78,12 +76,12 @@ def _write_pictures(arguments, sequence, segmenter, console):
         )
     masks = write_masks(arguments, sequence.frames, sequence, objects, console)
     if arguments.render is not None:
-        with _timed(sequence, "rendering"), reporting("rendering", console) as progress:
+        with timed_stage("rendering", sequence, console) as progress:
             render_segmentation(
                 *video, objects, arguments.render, masks=masks(), progress=progress
             )
     if arguments.viewer is not None:
-        with _timed(sequence, "viewer"), reporting("viewer", console) as progress:
+        with timed_stage("viewer", sequence, console) as progress:
             write_viewer(
                 *video,
                 objects,
@@ -92,11 +90,3 @@ def _write_pictures(arguments, sequence, segmenter, console):
                 probabilities=getattr(segmenter, "probabilities_", None),
                 progress=progress,
             )
-
-
-@contextmanager
-def _timed(sequence, stage):
-    """Keep the seconds that a stage takes."""
-    started = time.perf_counter()
-    yield
-    sequence.seconds[stage] = time.perf_counter() - started

@@ -99,7 +99,6 @@ def datasets_in(folder, names):
     FileNotFoundError
         If none is.
     """
-    folder = Path(folder)
     found = [name for name in names if (folder / name).is_dir()]
     if not found:
         message = f"none of the folders {', '.join(names)} is in {folder}"

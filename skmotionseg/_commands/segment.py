@@ -178,6 +178,8 @@ def _segment_tracks(run, sequence):
     _check_length(arguments, sequence.data.shape[1] // 2)
     with progress.status("segmenting ..."):
         segmenter.fit(sequence.data)
+    sequence.seconds |= segmenter.stage_seconds_
+    sequence.seconds["segmenting"] = sequence.seconds.pop("total")
     draw(arguments, sequence, segmenter, progress)
     if arguments.out is not None:
         sure = segmenter.probabilities_ if arguments.confidence else None

@@ -124,18 +124,16 @@ def nearest_votes_in_each(affinity, partitions, n_nearest=5):
     shares : ndarray of shape (n_partitions, m)
     """
     n_spared = n_nearest + SPARE_VOTERS
+    if len(partitions) == 1 or n_spared >= affinity.shape[1]:
+        votes = [nearest_votes(affinity, labels, n_nearest) for labels in partitions]
+        return tuple(map(np.stack, zip(*votes, strict=True)))
     found = np.empty((len(partitions), len(affinity)), dtype=int)
-    shares = np.empty(found.shape)
-    nearest = None
-    if len(partitions) > 1 and n_spared < affinity.shape[1]:
-        nearest = _nearest(affinity, n_spared)
+    shares, nearest = np.empty(found.shape), _nearest(affinity, n_spared)
     for k, labels in enumerate(partitions):
-        left = np.ones(len(affinity), dtype=bool)
-        if nearest is not None and labels.max(initial=-1) >= 0:
-            found[k], shares[k], left = _votes_of(nearest, labels, n_nearest)
-        if left.any():
-            found[k, left], shares[k, left] = nearest_votes(
-                affinity[left], labels, n_nearest
+        found[k], shares[k], few = _votes_of(nearest, labels, n_nearest)
+        if few.any():
+            found[k, few], shares[k, few] = nearest_votes(
+                affinity[few], labels, n_nearest
             )
     return found, shares
 
@@ -159,7 +157,7 @@ def _votes_of(nearest, labels, n_nearest):
     last = affinity[rows, (n_voters >= n_nearest).argmax(axis=1)]
     few = (n_voters[:, -1] < n_nearest) | (last <= affinity[:, -1])
     chosen = voters & (affinity >= last[:, None])
-    n_labels = labels.max() + 1
+    n_labels = max(labels.max(), 0) + 1
     votes = np.bincount(
         (rows[:, None] * n_labels + labels_near)[chosen],
         affinity[chosen],

@@ -30,11 +30,12 @@ OPTIONS = {
     ".npy": ("layout", "image_size"),
     ".csv": ("image_size",),
 }
-INDEX_NAMES = ("", "unnamed: 0", "index", "track", "track_id", "id")
+TRACK_NAMES = ("track", "track_id", "id")
+INDEX_NAMES = ("", "unnamed: 0", "index", *TRACK_NAMES)
 LABEL_NAMES = ("label", "labels", "target")
 # Names of the columns of a table with one row per observation.
 OBSERVATION_NAMES = {
-    "track": ("track", "track_id", "id", "point", "point_id", "trajectory"),
+    "track": (*TRACK_NAMES, "point", "point_id", "trajectory"),
     "frame": ("frame", "frame_id", "t", "time", "image"),
     "x": ("x",),
     "y": ("y",),
@@ -43,6 +44,8 @@ OBSERVATION_NAMES = {
     "occluded": ("occluded",),
 }
 NEEDED = ("track", "frame", "x", "y")
+# Columns that may hold truth values, and what an observation has there.
+SEEN = {"visible": True, "occluded": False}
 TRUTH = {"true": 1.0, "false": 0.0}
 PICKLES = (".pkl", ".pickle", ".pt", ".pth")
 
@@ -328,11 +331,12 @@ def _read_csv(path):
 
 def _observation_columns(header):
     """The place of each column that a row per observation has, by its kind."""
-    return {
-        kind: header.index(name)
-        for kind, names in OBSERVATION_NAMES.items()
-        for name in [name for name in names if name in header][:1]
-    }
+    places = {}
+    for kind, names in OBSERVATION_NAMES.items():
+        there = [name for name in names if name in header]
+        if there:
+            places[kind] = header.index(there[0])
+    return places
 
 
 def _read_wide(header, rows):
@@ -411,7 +415,8 @@ def _read_observations(places, rows, file_size):
     if not rows:
         raise ValueError("there are no observations below its header")
     columns = {
-        kind: np.array([_number(row[i]) for row in rows]) for kind, i in places.items()
+        kind: np.array([(_truth if kind in SEEN else _number)(row[i]) for row in rows])
+        for kind, i in places.items()
     }
     if not np.isfinite(columns["track"]).all():
         raise ValueError("the column 'track' must be a number in each row")
@@ -437,7 +442,7 @@ def _read_observations(places, rows, file_size):
 def _seen(columns):
     """Whether each observation is one: visible, and not occluded."""
     seen = np.ones(len(columns["track"]), dtype=bool)
-    for kind, value in (("visible", 1), ("occluded", 0)):
+    for kind, value in SEEN.items():
         if kind in columns:
             if not np.isin(columns[kind], (0, 1)).all():
                 raise ValueError(f"the column {kind!r} must be 0 or 1 in each row")
@@ -445,8 +450,10 @@ def _seen(columns):
     return seen
 
 
-def _number(cell):
+def _truth(cell):
     name = cell.strip().lower()
-    if name in TRUTH:
-        return TRUTH[name]
-    return float(cell) if name else np.nan
+    return TRUTH[name] if name in TRUTH else _number(cell)
+
+
+def _number(cell):
+    return float(cell) if cell.strip() else np.nan

@@ -178,11 +178,10 @@ def warn_if_swapped(data, name):
     A track moves over less of the image than all tracks of a frame cover, or, if all
     of it moves and there are few, not over much more.
     """
-    points, _ = unpack_tracks(data)
-    n_tracks, n_frames = points.shape[:2]
+    n_tracks, n_frames = len(data), data.shape[1] // 2
     if n_tracks >= n_frames:
         return
-    of_track, of_frame = _spread(points)
+    of_track, of_frame = _spread(unpack_tracks(data)[0])
     if of_track > FARTHEST_MOVED * of_frame:
         warnings.warn(
             f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "

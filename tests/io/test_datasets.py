@@ -472,6 +472,7 @@ HEADERS = {
     "1.5\t2.5\t3.5\t4.5\n": "separated by commas; got tabs",
     "id,t,x,y,visible\n0,0,1.5,2,0.3\n": "'visible' must be 0 or 1 in each row",
     "id,t,x,y\n0,0.5,1.5,2\n": "the column 'frame'",
+    "id,t,x,y\n0,0,True,2\n": "could not convert string to float: 'True'",
 }
 
 
