@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import Windows
-from skmotionseg._core.labels import canonical_labels, groups_of
+from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
@@ -55,50 +55,6 @@ def done(search, what):
 def search_of(scene):
     points, visibility, affinity, _ = scene
     return RigidSearch(Windows(points, visibility), affinity)
-
-
-def test_a_motion_is_the_best_of_some_in_each_window(scene):
-    search = search_of(scene)
-    groups = groups_of(scene[3])
-    motions = done(search, search.motions(scene[3]))
-    n_windows = len(search.windows.frames)
-    assert n_windows > 1
-    # Each is right in one half of the windows, and of another group in the other.
-    right, wrong = motions[:2]
-    mixed = [
-        right._replace(
-            poses=tuple((right, wrong)[k].poses[w] for w, k in enumerate(which)),
-            squares=np.stack(
-                [(right, wrong)[k].squares[:, w] for w, k in enumerate(which)], axis=1
-            ),
-        )
-        for which in (np.arange(n_windows) % 2, 1 - np.arange(n_windows) % 2)
-    ]
-    best = search._best_by_window(groups[0], mixed)
-    assert_array_equal(best.squares, right.squares)
-    assert all(a is b for a, b in zip(best.poses, right.poses, strict=True))
-
-
-def test_motions_are_fitted_well_from_wherever_they_start(scene):
-    search = search_of(scene)
-    groups = groups_of(scene[3])
-    motions = done(search, search.motions(scene[3]))
-    turned = [*motions[1:], motions[0]]  # each has the motion of another group
-    for starts in (motions, turned):
-        found = done(search, search._fitted_well(groups, starts))
-        for k, group in enumerate(groups):
-            nats = search.costs([found[k], motions[k], starts[k]])[group].sum(axis=0)
-            assert nats[0] <= 1.001 * nats[1:].min()
-            assert_array_equal(found[k].tracks, group)
-
-
-def test_a_partition_that_is_settled_well_costs_no_more(scene):
-    search, other = search_of(scene), search_of(scene)
-    rng = np.random.default_rng(0)
-    labels = np.where(rng.random(len(scene[3])) < 0.3, 0, scene[3])
-    well = done(search, search.settled_well(labels))
-    assert well[0] <= done(other, other.settled(labels, rounds=module.ROUNDS))[0]
-    assert well[0] == pytest.approx(search.energy(*well[1:]))
 
 
 def test_the_truth_costs_less_than_the_truth_disturbed(scene):

@@ -21,7 +21,6 @@ from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
     FOCAL_STEPS,
-    MOST_FITTED,
     FitRequest,
     RigidMotion,
     best_focal_length,
@@ -273,16 +272,16 @@ class RigidSearch:
 
     def costs(self, motions):
         """Nats (n, M) of each track by each motion."""
-        return np.stack([self._nats(motion).sum(axis=1) for motion in motions], axis=1)
-
-    def _nats(self, motion):
-        """Nats (n, n_windows) of each track by a motion."""
         freedom = self.windows.freedom
         most = MOST_NATS * freedom
-        ratio = self.windows.relative_squares(motion) / (FREEDOM * self.scale**2)
-        nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
-        nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
-        return np.where(freedom > 0, nats, 0)
+        costs = []
+        for motion in motions:
+            squares = self.windows.relative_squares(motion)
+            ratio = squares / (FREEDOM * self.scale**2)
+            nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
+            nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
+            costs.append(np.where(freedom > 0, nats, 0).sum(axis=1))
+        return np.stack(costs, axis=1)
 
     def motions(self, labels):
         """Search for rigid motions of the groups of a partition."""
@@ -331,41 +330,6 @@ class RigidSearch:
                 break
             labels = new
         return best
-
-    def settled_well(self, labels, motions=None):
-        """As :meth:`settled`, and once more from motions that are fitted anew.
-
-        A motion that followed its group through changes may be far from the best one:
-        in 20 of 300 simulated scenes, the search found the true partition, and motions
-        that were fitted to it from the start explained it better.
-        """
-        best = yield from self.settled(labels, motions, ROUNDS)
-        _, labels, motions = best
-        groups = list(map(self._inliers, groups_of(labels), motions))
-        motions = yield from self._fitted_well(groups, motions)
-        again = yield from self.settled(labels, motions, ROUNDS)
-        return again if again[0] < best[0] else best
-
-    def _fitted_well(self, groups, motions, most_tracks=MOST_FITTED):
-        """Search for the best motions of groups, from those they have and anew."""
-        starts = [*((motion,) for motion in motions), *(() for _ in groups)]
-        found = yield [
-            FitRequest(group, some, most_tracks)
-            for group, some in zip([*groups, *groups], starts, strict=True)
-        ]
-        refined, anew = found[: len(groups)], found[len(groups) :]
-        return list(map(self._best_by_window, groups, zip(refined, anew, strict=True)))
-
-    def _best_by_window(self, group, motions):
-        """The motion that has, in each window, what explains a group best of some."""
-        nats = np.stack([self._nats(motion)[group].sum(axis=0) for motion in motions])
-        best = nats.argmin(axis=0)
-        windows = np.arange(len(best))
-        squares = np.stack([motion.squares for motion in motions])
-        return motions[0]._replace(
-            poses=tuple(motions[k].poses[window] for window, k in enumerate(best)),
-            squares=squares[best, :, windows].T,
-        )
 
     def least_apart(self, labels, motions):
         """The two groups that are least apart, and their :class:`Apartness`.
@@ -528,15 +492,17 @@ class RigidSearch:
         best = self._by_own_motions(pair)
         if best.distance <= SURELY_ONE:
             return best
-        own = yield from self._fitted_well(pair.groups, pair.motions, MOST_COMPARED)
+        own = yield [
+            FitRequest(group, (motion,), MOST_COMPARED)
+            for group, motion in zip(pair.groups, pair.motions, strict=True)
+        ]
         pair = pair._replace(motions=tuple(own))
         both = np.union1d(*pair.groups)
         joint = yield [FitRequest(both, pair.motions, MOST_COMPARED)]
         best = self._apartness_by(pair, [*own, *joint])
         if best.log_odds > 0 or best.distance > 0:
-            joint += yield [FitRequest(both, most_tracks=MOST_COMPARED)]
-            joint.append(self._best_by_window(both, joint))
-            best = self._apartness_by(pair, [*own, *joint])
+            anew = yield [FitRequest(both, most_tracks=MOST_COMPARED)]
+            best = self._apartness_by(pair, [*own, *joint, *anew])
         return best
 
     def _apartness_by(self, pair, joints, told=True):
@@ -794,12 +760,12 @@ def _once_per_group(bisect):
 def _of_number(search, n_motions, paths, candidates, bisect):
     """Searches for partitions into so many motions, from several starts."""
     settled = [
-        search.settled_well(step.labels, step.motions)
+        search.settled(step.labels, step.motions, ROUNDS)
         for path in paths
         for step in path
         if step.n_motions == n_motions
     ]
-    settled += [search.settled_well(some) for some in candidates(n_motions)]
+    settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
     searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
     return searches + [
         _apart_and_split(search, path, n_motions, bisect) for path in paths
