@@ -21,7 +21,6 @@ from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
     FOCAL_STEPS,
-    MOST_FITTED,
     FitRequest,
     RigidMotion,
     best_focal_length,
@@ -45,28 +44,20 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
 # of groups in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = (
-    3.48,
-    0.68,
-    6.41,
-    6.82,
-    -5.83,
-)
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 3.4, 0.86, 5.8, 5.4, -6.2
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
 MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
-# Links over chance below which fewer say no more, between the tracks that their motions
-# explain, and between all, of which outliers link anything.
-FEWEST_LINKS, FEWEST_OF_ALL = 0.001, 0.01
+# Links over chance below which fewer say no more.
+FEWEST_LINKS = 0.01
 # Distances by one of two motions below which no joint motion is fitted, and which say
 # no more than this.
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
-# Deviations below which all are alike: the larger of so many pixels of a video 640
-# pixels wide, and so many scales.
-ALIKE, ALIKE_SCALES = 0.1, 0.7
+# Deviations, in pixels of a video 640 pixels wide, below which all are alike.
+ALIKE = 0.1
 # Pairs of groups that a joint motion is fitted to before the others, and the tracks of
 # a group that motions are fitted to where two are compared with one.
 JOINTLY_FITTED = 3
@@ -76,7 +67,7 @@ MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
 # Partitions that cost up to so many nats per track more are nearly as good as another.
-NEARLY_AS_GOOD = 0.2
+NEARLY_AS_GOOD = 1.0
 # Nats per track that a partition must save for each by which the distance of two of its
 # motions is below 0.
 NATS_OF_DISTANCE = 0.2
@@ -342,29 +333,6 @@ class RigidSearch:
             labels = new
         return best
 
-    def settled_well(self, labels, motions=None):
-        """As :meth:`settled`, and once more from motions that are fitted anew.
-
-        A motion that followed its group through changes may be far from the best one:
-        in 20 of 300 simulated scenes, the search found the true partition, and motions
-        that were fitted to it from the start explained it better.
-        """
-        best = yield from self.settled(labels, motions, ROUNDS)
-        _, labels, motions = best
-        groups = list(map(self._inliers, groups_of(labels), motions))
-        motions = yield from self._fitted_anew(groups, motions)
-        again = yield from self.settled(labels, motions, ROUNDS)
-        return again if again[0] < best[0] else best
-
-    def _fitted_anew(self, groups, motions, most_tracks=MOST_FITTED):
-        """Search for motions fitted from the start, to replace those that cost more."""
-        anew = yield [FitRequest(group, most_tracks=most_tracks) for group in groups]
-        return list(map(self._better, groups, motions, anew))
-
-    def _better(self, group, *motions):
-        """Of some motions, the one that explains a group best."""
-        return motions[self.costs(motions)[group].sum(axis=0).argmin()]
-
     def least_apart(self, labels, motions):
         """The two groups that are least apart, and their :class:`Apartness`.
 
@@ -530,7 +498,6 @@ class RigidSearch:
             FitRequest(group, (motion,), MOST_COMPARED)
             for group, motion in zip(pair.groups, pair.motions, strict=True)
         ]
-        own = yield from self._fitted_anew(pair.groups, own, MOST_COMPARED)
         pair = pair._replace(motions=tuple(own))
         both = np.union1d(*pair.groups)
         joint = yield [FitRequest(both, pair.motions, MOST_COMPARED)]
@@ -551,7 +518,7 @@ class RigidSearch:
             far, hidden = infinitely_far(*placed), behind(*placed)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
         log_odds = np.dot(weights, evidence(gain, links, far, hidden)) + PRIOR
-        few = _fewness(self._links(*pair.groups), FEWEST_OF_ALL)
+        few = _fewness(self._links(*pair.groups))
         known = min(gain, MOST_GAIN), few, far, hidden
         distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
         if not self._seen_together(*pair.groups):
@@ -604,8 +571,7 @@ class RigidSearch:
         The log of the ratio of squared deviations, summed over the tracks, per track of
         the smaller group; and that motion.
         """
-        windows = self.windows
-        alike = max(ALIKE / windows.pixels, ALIKE_SCALES * self.scale) ** 2
+        windows, alike = self.windows, (ALIKE / self.windows.pixels) ** 2
         totals = np.zeros(len(joints))
         for group, motion in zip(groups, own, strict=True):
             apart, known = windows.deviations(motion, group, relative=False)
@@ -628,13 +594,12 @@ def evidence(gain, links, far, hidden):
         how clearly one of them is at infinity, and how clearly one is behind the
         camera: log odds are a sum of these, each with its weight.
     """
-    few = _fewness(links, FEWEST_LINKS)
-    return np.array([np.log1p(max(gain, 0.0)), few, np.sqrt(far), hidden])
+    return np.array([np.log1p(max(gain, 0.0)), _fewness(links), np.sqrt(far), hidden])
 
 
-def _fewness(links, fewest):
+def _fewness(links):
     """Minus the logarithm of links over chance, which are not told apart near none."""
-    return -np.log(links + fewest)
+    return -np.log(links + FEWEST_LINKS)
 
 
 def _telling(explained, group):
@@ -797,12 +762,12 @@ def _once_per_group(bisect):
 def _of_number(search, n_motions, paths, candidates, bisect):
     """Searches for partitions into so many motions, from several starts."""
     settled = [
-        search.settled_well(step.labels, step.motions)
+        search.settled(step.labels, step.motions, ROUNDS)
         for path in paths
         for step in path
         if step.n_motions == n_motions
     ]
-    settled += [search.settled_well(some) for some in candidates(n_motions)]
+    settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
     searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
     return searches + [
         _apart_and_split(search, path, n_motions, bisect) for path in paths
