@@ -21,7 +21,7 @@ from joblib import Parallel, delayed
 
 from skmotionseg import MotionSegmenter
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS
-from skmotionseg._core.partition.rigid_search import ROUNDS, Step, rank, with_odds
+from skmotionseg._core.partition.rigid_search import ROUNDS, rank, with_odds
 from skmotionseg.datasets import scene_families
 from skmotionseg.metrics import misclassification_error
 
@@ -74,7 +74,7 @@ def gap(scene):
 def _from_truth(search, truth):
     """The step of the true partition, settled."""
     settled = yield from search.settled(truth, rounds=ROUNDS)
-    return (yield from with_odds(search, Step(*settled)))
+    return (yield from with_odds(search, settled))
 
 
 def row_of(name, gaps):

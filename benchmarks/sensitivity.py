@@ -115,6 +115,8 @@ CONSTANTS = (
     Constant("_core.partition.rigid_search", "MERGING_WEIGHTS"),
     Constant("_core.partition.rigid_search", "MERGING_PRIOR"),
     Constant("_core.partition.rigid_search", "NATS_OF_DISTANCE"),
+    Constant("_core.partition.rigid_search", "NATS_OF_CUT"),
+    Constant("_core.partition.rigid_search", "NATS_OF_LABELS"),
     Constant("_core.partition.rigid_search", "NEARLY_AS_GOOD"),
     Constant("_core.partition.cost", "CUT_WEIGHT"),
     Constant("_core.partition.cost", "GAIN_OF_CUT"),

@@ -4,8 +4,8 @@ Static points for SLAM, frame by frame
 
 Odometry, SLAM and structure from motion want points that stand still.
 :class:`~skmotionseg.OnlineMotionSegmenter` says which these are while the camera films:
-the static scene is motion 0. Here a car drives through a made-up street, where others
-drive, too, and the true poses of its camera are known.
+the static scene is motion 0. Here a car drives through a made-up street, where most
+points are on others that drive, too, and the true poses of its camera are known.
 """
 
 import cv2
@@ -23,7 +23,7 @@ street = make_scene(
     background=0.42,
     outliers=0.05,
     life=60,
-    random_state=7,
+    random_state=1,
 )
 points, seen = unpack_tracks(street.data)
 n_frames = seen.shape[1]
@@ -43,7 +43,8 @@ for frame in range(n_frames):
 
 # %%
 # Two-view pose from the points of six frames ago and now: of all points, and of those
-# that the loop has kept. Both by OpenCV, with RANSAC.
+# that the loop has kept. Both by OpenCV, with RANSAC, which by itself leaves out what
+# moves as long as the static points are the most. Here they are not.
 
 GAP, FIRST = 6, 16
 camera = np.array(
@@ -101,7 +102,8 @@ for name, values in errors.items():
         f"{name:14s} {slant:5.2f} degrees of translation, {turn:.3f} of rotation, "
         f"{missing} of {len(frames)} frames without a pose"
     )
-assert np.nanmean(errors["static points"]) < np.nanmean(errors["all points"])
+slants = {name: np.nanmean(values, axis=0)[0] for name, values in errors.items()}
+assert slants["static points"] < slants["all points"] / 2
 
 # %%
 

@@ -9,17 +9,20 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
-from skmotionseg._core.geometry.windows import Windows
+from skmotionseg._core.geometry.windows import FEWEST_TRACKS, Windows
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
+    NATS_OF_CUT,
     NATS_OF_DISTANCE,
+    NATS_OF_LABELS,
     SURELY_ONE,
     RigidSearch,
     Step,
     _n_apart,
+    _Pair,
     _surest,
     calibrated_paths,
     evidence,
@@ -78,9 +81,11 @@ def test_settling_mends_labels_and_never_costs_more(scene):
     some = rng.random(len(y)) < 0.1
     wrong[some] = rng.randint(y.max() + 1, size=some.sum())
     before = search.energy(wrong, done(search, search.motions(wrong)))
-    energy, labels, motions = done(search, search.settled(wrong))
-    assert energy <= before
-    assert energy == pytest.approx(search.energy(labels, motions))
+    settled = done(search, search.settled(wrong))
+    labels, motions = settled.labels, settled.motions
+    assert settled.energy <= before
+    assert settled.energy == pytest.approx(search.energy(labels, motions))
+    assert settled.cut == pytest.approx(search.terms(labels, motions)[0])
     assert misclassification_error(y, labels) < 0.03
 
 
@@ -127,6 +132,28 @@ def test_evidence_grows_with_all_that_tells_motions_apart():
     assert_allclose(
         evidence(1.0, 1 - FEWEST_LINKS, 0.25, 0.5), [np.log(2), 0, 0.5, 0.5]
     )
+
+
+@pytest.mark.parametrize("common, log_odds", [(FEWEST_TRACKS - 1, 1), (20, -1)])
+def test_groups_are_compared_where_enough_of_both_are_seen(scene, common, log_odds):
+    """Of two halves of a motion that is seen at other times, links alone tell."""
+    points, visibility, affinity, y = scene
+    one = np.flatnonzero(y == 0)
+    first, second = one[::2], one[1::2]
+    visibility = visibility.copy()
+    visibility[first, 6:] = visibility[second, :6] = False
+    visibility[first[:common]] = visibility[second[:common]] = True
+    affinity = affinity.copy()
+    affinity[np.ix_(first, second)] = affinity[np.ix_(second, first)] = 0
+    search = RigidSearch(Windows(points, visibility), affinity)
+    halves = y.copy()
+    halves[second] = y.max() + 1
+    search.calibrate(y)
+    motions = done(search, search.motions(halves))
+    pair = _Pair(1, 0, (first, second), (motions[0], motions[-1]))
+    (found,) = done(search, search._apartnesses([pair]))
+    assert log_odds * found.log_odds > 0
+    assert (found.log_odds == found.distance) == (common < FEWEST_TRACKS)
 
 
 def before_a_still_camera(rng, n_tracks=120, n_frames=8):
@@ -305,9 +332,9 @@ def test_the_largest_number_that_is_apart_is_taken(odds, fewest, most, expected)
 def test_a_number_is_as_sure_as_in_the_surest_partition_that_is_nearly_as_good():
     """The partition of least cost is returned, whichever confirms the number."""
     labels = np.array([0, 0, 1, 1])
-    cheap = Step(10.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
-    sure = Step(12.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
-    dear = Step(15.0, 1 - labels, [], (0, 1), log_odds=4.0, distance=3.0)
+    cheap = Step(10.0, 0.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
+    sure = Step(12.0, 0.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
+    dear = Step(15.0, 0.0, 1 - labels, [], (0, 1), log_odds=4.0, distance=3.0)
     for steps in ([cheap, sure, dear], [dear, sure, cheap]):
         best = _surest(steps)
         assert (best.energy, best.log_odds) == (10.0, 2.0)
@@ -342,12 +369,22 @@ def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
 
 def test_partitions_cost_more_if_two_motions_are_hardly_apart():
     def cost(distance):
-        return rank(Step(8.0, np.zeros(4), [], distance=distance))
+        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], distance=distance))
 
     assert cost(np.inf) == cost(0.0) == 2
     assert cost(-1.0) == 2 + NATS_OF_DISTANCE
     assert cost(-2.0) == 2 + 2 * NATS_OF_DISTANCE
     assert cost(-30.0) == cost(SURELY_ONE) > cost(-2.0)
+
+
+def test_partitions_cost_more_if_they_cut_links_or_labels_tell_much():
+    """Of the same energy, the one that takes a few tracks from many is the best."""
+    few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
+    cost = rank(Step(8.0, 0.0, few, []))
+    shares = np.array([7, 1]) / 8
+    assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
+    assert_allclose(rank(Step(8.0, 0.0, half, [])), 1 + NATS_OF_LABELS * np.log(2))
+    assert rank(Step(8.0, 0.25, few, [])) == pytest.approx(cost + NATS_OF_CUT / 4)
 
 
 def test_links_are_compared_with_chance(scene):
@@ -368,13 +405,13 @@ def test_searches_side_by_side_find_what_they_find_alone(scene):
     search = search_of(scene)
     search.calibrate(y)
     together = search.run(*map(search.settled, wrong))
-    for labels, (energy, settled, motions) in zip(wrong, together, strict=True):
+    for labels, settled in zip(wrong, together, strict=True):
         other = search_of(scene)
         other.calibrate(y)
         alone = done(other, other.settled(labels))
-        np.testing.assert_array_equal(settled, alone[1])
-        assert energy == pytest.approx(alone[0], rel=1e-9)
-        for one, again in zip(motions, alone[2], strict=True):
+        np.testing.assert_array_equal(settled.labels, alone.labels)
+        assert settled.energy == pytest.approx(alone.energy, rel=1e-9)
+        for one, again in zip(settled.motions, alone.motions, strict=True):
             np.testing.assert_allclose(one.squares, again.squares, rtol=1e-6)
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
+from scipy.special import xlogy
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
 from ..geometry.joint_depths import behind, infinitely_far
@@ -68,9 +69,12 @@ MOST_CHANGES = 5
 ROUNDS = 6
 # Partitions that cost up to so many nats per track more are nearly as good as another.
 NEARLY_AS_GOOD = 1.0
-# Nats per track that a partition must save for each by which the distance of two of its
-# motions is below 0.
+# Nats per track that a partition costs beside its energy: for each by which the
+# distance of two of its motions is below 0; if all links go to other motions; and for
+# each nat that labels tell. By which partitions of simulated scenes are then the best.
 NATS_OF_DISTANCE = 0.2
+NATS_OF_CUT = 4.0
+NATS_OF_LABELS = 0.5
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
@@ -122,6 +126,8 @@ class Step(NamedTuple):
     Attributes
     ----------
     energy : float
+    cut : float
+        Share of the links that go to other motions.
     labels : ndarray of int, shape (n,)
     motions : list of RigidMotion
     pair : (int, int) or None
@@ -135,6 +141,7 @@ class Step(NamedTuple):
     """
 
     energy: float
+    cut: float
     labels: np.ndarray
     motions: list
     pair: tuple[int, int] | None = None
@@ -291,7 +298,8 @@ class RigidSearch:
 
     def energy(self, labels, motions):
         """Nats of a partition: of its tracks, and of links to other motions."""
-        return _energy(labels, self.costs(motions), self._linked(labels, len(motions)))
+        cut, nats = self.terms(labels, motions)
+        return _energy(cut, nats, len(labels))
 
     def terms(self, labels, motions):
         """Share of the links that a partition cuts, and nats, both per track."""
@@ -310,24 +318,20 @@ class RigidSearch:
 
         Returns
         -------
-        energy : float
-        labels : ndarray of int, shape (n,)
-            Of as many groups.
-        motions : list of RigidMotion
+        Step
+            Of as many groups; which of them are least apart is left open.
         """
         if motions is None:
             motions = yield from self.motions(labels)
         costs, linked = self.costs(motions), self._linked(labels, len(motions))
-        best = _energy(labels, costs, linked), labels, motions
+        best = _step(labels, motions, costs, linked)
         for _ in range(rounds):
             new, linked = self._assigned(costs, labels, linked)
             if np.bincount(new, minlength=len(motions)).min() < FEWEST_TRACKS:
                 break
             motions = yield from self._refitted(new, motions)
             costs = self.costs(motions)
-            energy = _energy(new, costs, linked)
-            if energy < best[0]:
-                best = energy, new, motions
+            best = min(best, _step(new, motions, costs, linked), key=_energy_of)
             if np.array_equal(new, labels):
                 break
             labels = new
@@ -376,19 +380,18 @@ class RigidSearch:
         list of Step
             One per number of groups, the most first.
         """
-        energy, labels, motions = yield from self.settled(labels, rounds=1)
+        step = yield from self.settled(labels, rounds=1)
         steps = []
-        while labels.max() + 1 > fewest:
-            (i, j), least = yield from self.least_apart(labels, motions)
-            step = Step(energy, labels, motions)
+        while step.n_motions > fewest:
+            (i, j), least = yield from self.least_apart(step.labels, step.motions)
             steps.append(_with_odds_of(step, i, j, least))
-            motions = [*motions]
+            motions = [*step.motions]
             motions[j] = least.joint
             del motions[i]
-            labels = np.where(labels == i, j, labels)
+            labels = np.where(step.labels == i, j, step.labels)
             labels = labels - (labels > i)
-            energy, labels, motions = yield from self.settled(labels, motions, 1)
-        return [*steps, Step(energy, labels, motions)]
+            step = yield from self.settled(labels, motions, 1)
+        return [*steps, step]
 
     def unexplained(self, labels, motions):
         """Yield partitions with a group of linked tracks that no motion explains.
@@ -521,7 +524,7 @@ class RigidSearch:
         few = _fewness(self._links(*pair.groups))
         known = min(gain, MOST_GAIN), few, far, hidden
         distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
-        if not self._seen_together(*pair.groups):
+        if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
             float(log_odds),
@@ -539,11 +542,16 @@ class RigidSearch:
         depths, errors = zip(*placed, strict=True)
         return depths, [error * self.scale for error in errors]
 
-    def _seen_together(self, first, second):
-        """Whether some tracks of two groups can be compared in a window."""
-        freedom = self.windows.freedom
-        one, other = ((freedom[group] > 0).any(axis=0) for group in (first, second))
-        return bool((one & other).any())
+    def _at_other_times(self, first, second):
+        """Whether each of two groups has enough tracks in a window, but both in none.
+
+        A group that has enough in no window has no motion that could be another.
+        """
+        enough = [
+            np.count_nonzero(self.windows.freedom[group], axis=0) >= FEWEST_TRACKS
+            for group in (first, second)
+        ]
+        return all(map(np.any, enough)) and not np.logical_and(*enough).any()
 
     def _explained(self, group, motion):
         """The tracks of a group that its motion explains."""
@@ -612,9 +620,17 @@ def _links_of(affinity):
     return csr_array(affinity - np.diag(np.diagonal(affinity)))
 
 
-def _energy(labels, costs, linked):
+def _step(labels, motions, costs, linked):
     cut, nats = _terms(labels, costs, linked)
-    return len(labels) * (nats + NATS_OF_LINKS * cut)
+    return Step(_energy(cut, nats, len(labels)), cut, labels, motions)
+
+
+def _energy(cut, nats, n_tracks):
+    return n_tracks * (nats + NATS_OF_LINKS * cut)
+
+
+def _energy_of(step):
+    return step.energy
 
 
 def _terms(labels, costs, linked):
@@ -732,12 +748,26 @@ def _n_motions(step):
 
 
 def rank(step):
-    """What a partition costs: nats per track, more if two motions are hardly apart.
+    """What a partition costs when partitions into as many are compared: nats per track.
 
-    Motions that are surely one cost the same, however close they are.
+    Tracks of no motion are many where there are outliers, and what parts them saves
+    more than what parts two small motions. But it cuts links, and labels that part
+    many tracks tell more. Partitions also cost more if two motions are hardly apart;
+    motions that are surely one cost the same, however close they are.
     """
     distance = min(max(step.distance, SURELY_ONE), 0.0)
-    return step.energy / len(step.labels) - NATS_OF_DISTANCE * distance
+    return (
+        step.energy / len(step.labels)
+        + NATS_OF_CUT * step.cut
+        + NATS_OF_LABELS * _entropy(step.labels)
+        - NATS_OF_DISTANCE * distance
+    )
+
+
+def _entropy(labels):
+    """Nats that the label of a track tells, given the sizes of the groups."""
+    shares = np.bincount(labels) / len(labels)
+    return -float(xlogy(shares, shares).sum())
 
 
 def _n_apart(path, fewest, most):
@@ -798,7 +828,7 @@ def _surest(steps):
 
 def _step_of(search, settled, accepted):
     """The step of a partition that is settled, if its number of motions is accepted."""
-    step = Step(*(yield from settled))
+    step = yield from settled
     return (yield from with_odds(search, step)) if accepted(step.n_motions) else None
 
 
@@ -825,9 +855,7 @@ def _improved(search, best, bisect):
 def _merged(search, labels, best):
     """The step at the end of a descent to as many motions, if it may be better."""
     step = (yield from search.descent(labels, best.n_motions))[-1]
-    if step.n_motions == best.n_motions and (
-        step.energy < best.energy or best.distance < 0
-    ):
+    if step.n_motions == best.n_motions and rank(step) < rank(best):
         return (yield from with_odds(search, step))
     return None
 
