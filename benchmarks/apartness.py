@@ -1,141 +1,216 @@
 """Log odds of two groups of tracks being different motions, from simulated scenes.
 
-Over-segmentations of scenes are merged down to one group, and the two groups that are
-least apart in each step, which decide on the number of motions, are a sample: apart if
-their tracks, outliers aside, are (mostly) of different motions; one if they are of the
-same motion, or one of them is of outliers. A logistic regression on what says that they
-are different motions (``skmotionseg._core.partition.rigid_search.evidence``) gives the
-constants of that module. With ``--data DIR``, the same for pairs of real sequences,
-with the coefficients of the simulated ones, for comparison::
+The number of motions is the largest of which a partition is found whose groups are all
+apart: of those that are nearly the best, the one where that is surest decides, and in
+it the two groups that are least apart. So scenes are searched for partitions into as
+many motions as there are, where these two are apart, and into one more, where they are
+not. A logistic regression on what says that they are different motions
+(``skmotionseg._core.partition.rigid_search.evidence``) gives the constants of that
+module. Which two groups decide depends on the constants, so it is repeated with the
+groups that decide by those of the last time. With ``--data DIR``, partitions of real
+sequences are told by the same constants, for comparison::
 
-    python -m benchmarks.apartness --scenes 8 --data DIR
+    python -m benchmarks.apartness --scenes 20 --jobs 2 --data DIR
 """
 
 from __future__ import annotations
 
 import argparse
+import warnings
+from itertools import islice
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from joblib import Parallel, delayed
 from sklearn.linear_model import LogisticRegression
-from sklearn.metrics import roc_auc_score
 
 from skmotionseg import MotionSegmenter, datasets
 from skmotionseg._core.labels import groups_of
-from skmotionseg._core.partition import rigid_search
-from skmotionseg._segmenter.long_clips import LONG_CLIP
+from skmotionseg._core.partition.rigid_search import NEARLY_AS_GOOD, evidence, rank
 
-from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
+from .measuring import show_progress
+from .scenes_bench import scenes_of
+from .watching import WITHOUT_WINDOWS, compared_steps
 
-# A group is of the motion that most of its tracks have, outliers aside, if so many do;
-# and of outliers if fewer than so many are of motions.
-PURE, KNOWN = 0.8, 0.3
+NAMES = "gain", "links", "far", "behind", "cross"
+# Times that the groups that decide are looked for. The constants are the means of the
+# last ones and those of a regression, as they may go to and fro.
+ROUNDS = 15
 
 
-def pairs_of(X, target):
-    """Pairs of groups that are met when over-segmentations of a clip are merged to one.
+class Partition(NamedTuple):
+    """What tells whether the groups of a partition are apart.
+
+    Attributes
+    ----------
+    evidence : ndarray of shape (n_pairs, 5)
+        Of the pairs of groups that were compared.
+    by_links : ndarray of shape (n_pairs,)
+        Log odds of groups that are seen at other times, which are by links alone; NaN
+        of others.
+    """
+
+    evidence: np.ndarray
+    by_links: np.ndarray
+
+
+def partitions_of(X, n_motions, seed=0):
+    """Partitions into so many motions that are nearly the best of those that are met.
 
     Parameters
     ----------
     X : ndarray of shape (n_tracks, 2 * n_frames)
-    target : ndarray of int, shape (n_tracks,)
+    n_motions : int
+    seed : int
 
     Returns
     -------
-    list of (float, float, float, float, int)
-        The evidence, and 1 if the two are apart.
+    list of Partition
+        Empty where there is nothing to tell apart.
     """
-
-    def descend(found, over_segments, *_):
-        paths = rigid_search.calibrated_paths(found, over_segments)
-        return [step for path in paths for step in path]
-
-    with rigid_searches(descend) as kept:
-        MotionSegmenter(n_landmarks=None, random_state=0).fit(X)
-    rows = []
-    for one, steps in kept:
-        mine = true_labels(one, X, target)
-        for step in steps:
-            if step.pair is None:
-                continue
-            groups = groups_of(step.labels)
-            first, second = (groups[k] for k in step.pair)
-            found = one.apart[second.tobytes(), first.tobytes()]
-            truth = _truth(mine[first], mine[second])
-            if truth is not None:
-                known = found.gain, found.links, found.far, found.behind
-                rows.append((*rigid_search.evidence(*known), truth))
-    return rows
+    with compared_steps() as compared, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        MotionSegmenter(n_motions, random_state=seed).fit(X)
+    searches = {id(search) for search, _ in compared}
+    compared = [each for each in compared if each[1].n_motions == n_motions]
+    if n_motions == 1 or len(searches) != 1 or not compared:
+        return []
+    limit = min(rank(step) for _, step in compared) + NEARLY_AS_GOOD
+    near = [_partition(*each) for each in compared if rank(each[1]) <= limit]
+    return [partition for partition in near if len(partition.evidence)]
 
 
-def beginning(X, target):
-    """The frames of a clip that are segmented as one, and the tracks in them."""
-    X = X[:, : 2 * LONG_CLIP]
-    there = np.isfinite(X).sum(axis=1) >= 4
-    return X[there], target[there]
+def _partition(search, step):
+    groups = groups_of(step.labels)
+    keys = (
+        (groups[i].tobytes(), groups[j].tobytes())
+        for i in range(len(groups))
+        for j in range(i)
+    )
+    found = [search.apart[key] for key in keys if key in search.apart]
+    known = [
+        evidence(each.gain, each.links, each.far, each.behind, each.cross)
+        for each in found
+    ]
+    # The two are the same number only where one is taken for the other.
+    by_links = [
+        each.log_odds if each.log_odds == each.distance else np.nan for each in found
+    ]
+    return Partition(np.array(known), np.array(by_links))
 
 
-def _truth(first, second):
-    """Whether two groups are apart; None where their motions are mixed."""
-    motions, shares = zip(*map(_motion, (first, second)), strict=True)
-    if motions[0] == motions[1] or -1 in motions:
-        return 0
-    return 1 if min(shares) > PURE else None
+def decisions_of(X, n_motions, seed=0):
+    """Partitions that decide whether there are as many motions, and one more.
+
+    Returns
+    -------
+    tuple of list of Partition
+    """
+    return tuple(partitions_of(X, n_motions + more, seed) for more in range(2))
 
 
-def _motion(labels):
-    """The motion of a group, -1 for outliers, and the share of its tracks with it."""
-    known = labels[labels >= 0]
-    if len(known) < KNOWN * len(labels):
-        return -1, 1.0
-    values, counts = np.unique(known, return_counts=True)
-    return int(values[counts.argmax()]), counts.max() / len(known)
+def decisive(partitions, coefficients, prior):
+    """What decides on a number of motions.
+
+    Parameters
+    ----------
+    partitions : list of Partition
+        Into that number.
+    coefficients : ndarray of shape (5,)
+    prior : float
+
+    Returns
+    -------
+    log_odds : float
+        Infinite where there is nothing to tell apart.
+    evidence : ndarray of shape (5,) or None
+        Of the two groups that are least apart where all are surest; None where that is
+        told by their links.
+    """
+    best = -np.inf, None
+    for known, by_links in partitions:
+        odds = np.where(np.isnan(by_links), known @ coefficients + prior, by_links)
+        k = odds.argmin()
+        decides = known[k] if np.isnan(by_links[k]) else None
+        best = max(best, (odds[k], decides), key=lambda each: each[0])
+    return best if partitions else (np.inf, None)
 
 
-def regression(rows):
-    """Coefficients by which pairs are told apart, and the prior."""
-    *features, truth = np.array(rows).T
-    X = np.column_stack(features)
-    model = LogisticRegression(C=100, max_iter=1000).fit(X, truth)
-    return model.coef_[0], model.intercept_[0]
+def regression(decisions):
+    """Coefficients by which numbers of motions are told, and the prior.
+
+    Parameters
+    ----------
+    decisions : list of (list of Partition, list of Partition)
+        As from :func:`decisions_of`.
+
+    Returns
+    -------
+    coefficients : ndarray of shape (5,)
+    prior : float
+    """
+    coefficients, prior = np.ones(len(NAMES)), -5.0
+    for _ in range(ROUNDS):
+        rows = [
+            (decisive(partitions, coefficients, prior)[1], more == 0)
+            for each in decisions
+            for more, partitions in enumerate(each)
+        ]
+        X, truth = zip(*((x, y) for x, y in rows if x is not None), strict=True)
+        model = LogisticRegression(C=100, max_iter=1000).fit(X, truth)
+        coefficients = (coefficients + model.coef_[0]) / 2
+        prior = (prior + model.intercept_[0]) / 2
+    return coefficients, prior
 
 
-def print_errors(name, rows, coefficients, prior):
-    """Print how well some coefficients tell pairs apart."""
-    *features, truth = np.array(rows).T
-    odds = np.column_stack(features) @ coefficients + prior
-    missed, false = np.mean(odds[truth == 1] < 0), np.mean(odds[truth == 0] > 0)
+def print_errors(name, decisions, coefficients, prior):
+    """Print how often some coefficients say too few or too many motions."""
+    odds = np.array(
+        [[decisive(each, coefficients, prior)[0] for each in two] for two in decisions]
+    )
+    odds[np.isinf(odds[:, 1]), 1] = -np.inf  # no partition into one more
+    many = odds[:, 1] > 0
+    few = (odds[:, 0] <= 0) & ~many
     print(
-        f"{name}: {len(odds)} pairs, {truth.mean():.0%} apart; area under the curve "
-        f"{roc_auc_score(truth, odds):.3f}; missed {missed:.1%}, false {false:.1%}",
+        f"{name}: {len(odds)}; right {np.mean(~few & ~many):.1%}, "
+        f"too few motions {few.mean():.1%}, too many {many.mean():.1%}",
         flush=True,
     )
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--scenes", type=int, default=8, help="scenes per family")
+    parser.add_argument("--scenes", type=int, default=20, help="scenes per family")
     parser.add_argument("--data", type=Path, help="folder of real sequences")
+    parser.add_argument("--jobs", type=int)
     arguments = parser.parse_args()
-    rows = []
-    for seed in range(0, 2 * arguments.scenes, 2):  # even: the half to set constants on
-        for family in datasets.scene_families():
-            if family not in WITHOUT_WINDOWS:
-                scene = datasets.make_scene(
-                    family, n_tracks=(80, 450), random_state=seed
-                )
-                rows += pairs_of(*beginning(scene.data, scene.target))
-    coefficients, prior = regression(rows)
-    names = "gain", "links", "far", "behind"
-    for name, value in zip(names, coefficients, strict=True):
+    parallel = Parallel(n_jobs=arguments.jobs)
+
+    def decided(clips):
+        return parallel(
+            delayed(decisions_of)(X, n_motions, seed) for X, n_motions, seed in clips
+        )
+
+    decisions = []
+    for family in datasets.scene_families():
+        if family not in WITHOUT_WINDOWS:
+            show_progress(f"apartness: {family}")
+            scenes = islice(scenes_of(family, "tune"), arguments.scenes)
+            decisions += decided((each.data, each.n_motions, 0) for each in scenes)
+    show_progress("")
+    coefficients, prior = regression(decisions)
+    for name, value in zip(NAMES, coefficients, strict=True):
         print(f"{name} {value:.2f}", end=", ")
     print(f"prior {prior:.2f}")
-    print_errors("simulated scenes", rows, coefficients, prior)
+    print_errors("simulated scenes", decisions, coefficients, prior)
     if arguments.data is not None:
         sequences = datasets.load_kt3dmoseg(arguments.data / "KT3DMoSeg")
-        sequences += datasets.load_hopkins155(arguments.data / "Hopkins155")[::8]
-        pairs = (pairs_of(each.data, each.target) for each in sequences)
-        real = [row for each in pairs for row in each]
+        sequences += datasets.load_hopkins155(arguments.data / "Hopkins155")[::4]
+        real = decided(
+            (each.data, len(np.unique(each.target[each.target >= 0])), 0)
+            for each in sequences
+        )
         print_errors("real sequences", real, coefficients, prior)
 
 

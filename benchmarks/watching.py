@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from skmotionseg._core.partition import search
+from skmotionseg._core.partition import rigid_search, search
 
 # Families of scenes whose motions are not compared over windows of frames.
 WITHOUT_WINDOWS = ("two_images", "photographs")
@@ -37,6 +37,26 @@ def rigid_searches(instead=None):
         return result if instead is None else None
 
     with patch.object(search, "rigid_partitions", watched):
+        yield kept
+
+
+@contextmanager
+def compared_steps():
+    """Keep the partitions that rigid searches compare with others into as many.
+
+    Yields
+    ------
+    list of (RigidSearch, Step)
+    """
+    kept = []
+    with_odds = rigid_search.with_odds
+
+    def watched(one, step):
+        found = yield from with_odds(one, step)
+        kept.append((one, found))
+        return found
+
+    with patch.object(rigid_search, "with_odds", watched):
         yield kept
 
 

@@ -44,8 +44,9 @@ MOST_NATS = 3.0
 NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
-# of groups in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, PRIOR = 3.4, 0.86, 5.8, 5.4, -6.2
+# of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 1.67, 0.82, 2.9, 4.2
+CROSS_WEIGHT, PRIOR = 1.05, -6.44
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
@@ -57,6 +58,9 @@ FEWEST_LINKS = 0.01
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
+# What the motion of one group explains worse by this, in nats per track, of another it
+# does not explain at all.
+MOST_CROSS = 4.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
 # Pairs of groups that a joint motion is fitted to before the others, and the tracks of
@@ -68,7 +72,7 @@ MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
 # Partitions that cost up to so many nats per track more are nearly as good as another.
-NEARLY_AS_GOOD = 1.0
+NEARLY_AS_GOOD = 0.3
 # Nats per track that a partition costs beside its energy: for each by which the
 # distance of two of its motions is below 0; if all links go to other motions; and for
 # each nat that labels tell. By which partitions of simulated scenes are then the best.
@@ -101,6 +105,8 @@ class Apartness(NamedTuple):
         :func:`infinitely_far`).
     behind : float
         The same for one behind the camera (see :func:`behind`).
+    cross : float
+        By how much worse the motion of either explains the other (see ``_cross``).
     """
 
     log_odds: float
@@ -110,6 +116,7 @@ class Apartness(NamedTuple):
     links: float
     far: float
     behind: float
+    cross: float
 
 
 def _log_odds(apartness):
@@ -519,8 +526,9 @@ class RigidSearch:
         if told:
             placed = self._placed(explained, joint)
             far, hidden = infinitely_far(*placed), behind(*placed)
-        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT
-        log_odds = np.dot(weights, evidence(gain, links, far, hidden)) + PRIOR
+        cross = self._cross(pair)
+        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, CROSS_WEIGHT
+        log_odds = np.dot(weights, evidence(gain, links, far, hidden, cross)) + PRIOR
         few = _fewness(self._links(*pair.groups))
         known = min(gain, MOST_GAIN), few, far, hidden
         distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
@@ -534,6 +542,7 @@ class RigidSearch:
             links,
             far,
             hidden,
+            cross,
         )
 
     def _placed(self, inliers, joint):
@@ -573,6 +582,27 @@ class RigidSearch:
             self._links_to[key] = self.simplest @ inside
         return self._links_to[key]
 
+    def _cross(self, pair):
+        """How much worse the motion of either group explains the other than its own.
+
+        A joint motion of two that move apart is often found, if they are small or seen
+        for a short time; but it is neither's own. The log of the ratio of squared
+        deviations, as in nats of tracks, per track that both motions say something of,
+        at most MOST_CROSS; of the two groups, where it is less.
+        """
+        swapped = zip(pair.groups, pair.motions, pair.motions[::-1], strict=True)
+        return min(self._worse(*each) for each in swapped)
+
+    def _worse(self, group, own, other):
+        """By how many nats per track another motion explains a group worse."""
+        (apart, known), (across, also) = (
+            self.windows.deviations(motion, group) for motion in (own, other)
+        )
+        both = (known > 0) & (also > 0)
+        nats = [np.log1p((each[both] / self.scale) ** 2) for each in (across, apart)]
+        worse = np.clip(nats[0] - nats[1], 0, MOST_CROSS)
+        return float(worse.mean()) if both.any() else 0.0
+
     def _gain(self, groups, own, joints):
         """How much worse the best of some motions is for two groups than their own.
 
@@ -592,17 +622,19 @@ class RigidSearch:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
-def evidence(gain, links, far, hidden):
+def evidence(gain, links, far, hidden, cross):
     """What says that two groups are different motions: what :class:`Apartness` has.
 
     Returns
     -------
-    ndarray of shape (4,)
+    ndarray of shape (5,)
         The logarithm of one plus the gain, minus that of the links, the square root of
-        how clearly one of them is at infinity, and how clearly one is behind the
-        camera: log odds are a sum of these, each with its weight.
+        how clearly one of them is at infinity, how clearly one is behind the camera,
+        and how much worse either's motion explains the other: log odds are a sum of
+        these, each with its weight.
     """
-    return np.array([np.log1p(max(gain, 0.0)), _fewness(links), np.sqrt(far), hidden])
+    gained, apart = np.log1p(max(gain, 0.0)), _fewness(links)
+    return np.array([gained, apart, np.sqrt(far), hidden, cross])
 
 
 def _fewness(links):
