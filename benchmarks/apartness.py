@@ -10,7 +10,7 @@ module. Which two groups decide depends on the constants, so it is repeated with
 groups that decide by those of the last time. With ``--data DIR``, partitions of real
 sequences are told by the same constants, for comparison::
 
-    python -m benchmarks.apartness --scenes 20 --jobs 2 --data DIR
+    python -m benchmarks.apartness --scenes 30 --jobs 2 --data DIR
 """
 
 from __future__ import annotations
@@ -181,7 +181,7 @@ def print_errors(name, decisions, coefficients, prior):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--scenes", type=int, default=20, help="scenes per family")
+    parser.add_argument("--scenes", type=int, default=30, help="scenes per family")
     parser.add_argument("--data", type=Path, help="folder of real sequences")
     parser.add_argument("--jobs", type=int)
     arguments = parser.parse_args()

@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS, Windows
-from skmotionseg._core.labels import canonical_labels
+from skmotionseg._core.labels import canonical_labels, groups_of
 from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
+    MOST_CROSS,
     NATS_OF_CUT,
     NATS_OF_DISTANCE,
     NATS_OF_LABELS,
@@ -123,15 +124,49 @@ def test_outliers_in_groups_do_not_link_them(scene):
 
 
 def test_evidence_grows_with_all_that_tells_motions_apart():
-    least = evidence(0.0, 1.0, 0.0, 0.0)
-    assert_allclose(evidence(-1.0, 1.0, 0.0, 0.0), least)
-    for k, known in enumerate([(2, 1, 0, 0), (0, 0, 0, 0), (0, 1, 1, 0), (0, 1, 0, 1)]):
-        more = evidence(*known) - least
+    nothing = 0.0, 1.0, 0.0, 0.0, 0.0
+    least = evidence(*nothing)
+    assert_allclose(evidence(-1.0, *nothing[1:]), least)
+    for k, value in enumerate([2, 0, 1, 1, 1]):
+        more = evidence(*nothing[:k], value, *nothing[k + 1 :]) - least
         assert more[k] > 0
         assert_allclose(np.delete(more, k), 0, atol=1e-12)
-    assert_allclose(
-        evidence(1.0, 1 - FEWEST_LINKS, 0.25, 0.5), [np.log(2), 0, 0.5, 0.5]
-    )
+    known = 1.0, 1 - FEWEST_LINKS, 0.25, 0.5, 2.0
+    assert_allclose(evidence(*known), [np.log(2), 0, 0.5, 0.5, 2.0])
+
+
+def test_motions_are_apart_by_how_badly_either_explains_the_other(scene):
+    """Of two halves of a motion, each explains the other; of two motions, neither."""
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    halves = y.copy()
+    halves[np.flatnonzero(y == 0)[::2]] = y.max() + 1
+    motions, groups = done(search, search.motions(halves)), groups_of(halves)
+
+    def cross(i, j):
+        pair = _Pair(i, j, (groups[i], groups[j]), (motions[i], motions[j]))
+        swapped = _Pair(j, i, pair.groups[::-1], pair.motions[::-1])
+        assert search._cross(pair) == search._cross(swapped)
+        return search._cross(pair)
+
+    half = y.max() + 1
+    assert cross(half, 0) < 0.3
+    assert 1 < cross(half, 1) <= MOST_CROSS
+    assert 1 < cross(1, 0) <= MOST_CROSS
+
+    def nats(track, motion):
+        squares = motion.squares[track] / search.windows.variances[track]
+        freedom = search.windows.freedom[track][~np.isnan(squares)].sum()
+        mean = np.nansum(squares) / freedom if freedom else np.nan
+        return np.log(1 + mean / search.scale**2)
+
+    def plainly(group, own, other):
+        worse = [nats(track, other) - nats(track, own) for track in group]
+        worse = [min(max(each, 0), MOST_CROSS) for each in worse if not np.isnan(each)]
+        return sum(worse) / len(worse)
+
+    both = plainly(groups[0], *motions[:2]), plainly(groups[1], *motions[1::-1])
+    assert_allclose(cross(1, 0), min(both))
 
 
 @pytest.mark.parametrize("common, log_odds", [(FEWEST_TRACKS - 1, 1), (20, -1)])

@@ -45,8 +45,8 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
 # of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 1.67, 0.82, 2.9, 4.2
-CROSS_WEIGHT, PRIOR = 1.05, -6.44
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 1.6, 0.78, 4.5, 5.0
+CROSS_WEIGHT, PRIOR = 1.1, -6.6
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
