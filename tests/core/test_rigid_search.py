@@ -368,7 +368,7 @@ def test_a_number_is_as_sure_as_in_the_surest_partition_that_is_nearly_as_good()
     """The partition of least cost is returned, whichever confirms the number."""
     labels = np.array([0, 0, 1, 1])
     cheap = Step(10.0, 0.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
-    sure = Step(12.0, 0.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
+    sure = Step(11.0, 0.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
     dear = Step(15.0, 0.0, 1 - labels, [], (0, 1), log_odds=4.0, distance=3.0)
     for steps in ([cheap, sure, dear], [dear, sure, cheap]):
         best = _surest(steps)

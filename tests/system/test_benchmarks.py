@@ -12,6 +12,7 @@ from sklearn.utils import Bunch
 from threadpoolctl import threadpool_limits
 
 from benchmarks import (
+    apartness,
     floor,
     growth,
     imports,
@@ -239,6 +240,49 @@ def test_mismatches_are_a_group_that_peers_must_find():
     assert two_view_peers._error(pair, pair.target) == 0
     one_kept = np.array([0, 0, 1, 1, 1, -1])
     assert two_view_peers._error(pair, one_kept) == pytest.approx(1 / 6)
+
+
+def partition(*evidence, by_links=None):
+    links = np.full(len(evidence), np.nan) if by_links is None else by_links
+    return apartness.Partition(np.array(evidence, dtype=float), np.array(links))
+
+
+def test_a_number_is_decided_where_it_is_surest_by_those_least_apart():
+    weights = np.array([1.0, 0, 0, 0, 0])
+    near, far = [1, 2, 3, 4, 5], [4, 0, 0, 0, 0]
+    one, other = partition(far, near), partition(far, far)
+    for partitions in ([one, other], [other, one]):
+        log_odds, known = apartness.decisive(partitions, weights, -2.0)
+        assert log_odds == 2
+        np.testing.assert_array_equal(known, far)
+    by_links = partition(far, far, by_links=[np.nan, -1.0])
+    assert apartness.decisive([by_links], weights, -2.0) == (-1, None)
+    assert apartness.decisive([], weights, -2.0) == (np.inf, None)
+
+
+def test_weights_are_learnt_from_the_groups_that_decide(capsys):
+    """One more motion is a part of another; where, no other pair of groups tells."""
+    rng = np.random.RandomState(0)
+    evidence = rng.normal(2, 1, size=(60, 4, 5))
+    evidence[:, 3] -= 4
+    decisions = [([partition(*four[:1])], [partition(*four[1:])]) for four in evidence]
+    decisions += [([], each[1]) for each in decisions[:10]]  # of one motion
+    coefficients, prior = apartness.regression(decisions)
+    assert (coefficients > 0).all()
+    apartness.print_errors("these", decisions, coefficients, prior)
+    assert "70; right 100.0%" in capsys.readouterr().out
+
+
+def test_what_decides_is_taken_from_searches():
+    scene = make_scene("table", n_tracks=60, n_frames=8, outliers=0, random_state=4)
+    as_many, more = apartness.decisions_of(scene.data, scene.n_motions)
+    assert as_many and more
+    n_pairs = [n * (n - 1) // 2 for n in (scene.n_motions, scene.n_motions + 1)]
+    for partitions, most in zip((as_many, more), n_pairs, strict=True):
+        for each in partitions:
+            assert 1 <= len(each.evidence) == len(each.by_links) <= most
+            assert np.isfinite(each.evidence).all()
+    assert apartness.partitions_of(scene.data, 1) == []
 
 
 def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
