@@ -58,8 +58,8 @@ FEWEST_LINKS = 0.01
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
-# What the motion of one group explains worse by this, in nats per track, of another it
-# does not explain at all.
+# A motion by which tracks of another group cost so many nats more, on average, than by
+# their own does not explain them at all.
 MOST_CROSS = 4.0
 # Deviations, in pixels of a video 640 pixels wide, below which all are alike.
 ALIKE = 0.1
