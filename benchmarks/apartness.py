@@ -55,14 +55,13 @@ class Partition(NamedTuple):
     by_links: np.ndarray
 
 
-def partitions_of(X, n_motions, seed=0):
+def partitions_of(X, n_motions):
     """Partitions into so many motions that are nearly the best of those that are met.
 
     Parameters
     ----------
     X : ndarray of shape (n_tracks, 2 * n_frames)
     n_motions : int
-    seed : int
 
     Returns
     -------
@@ -71,7 +70,7 @@ def partitions_of(X, n_motions, seed=0):
     """
     with compared_steps() as compared, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        MotionSegmenter(n_motions, random_state=seed).fit(X)
+        MotionSegmenter(n_motions, random_state=0).fit(X)
     searches = {id(search) for search, _ in compared}
     compared = [each for each in compared if each[1].n_motions == n_motions]
     if n_motions == 1 or len(searches) != 1 or not compared:
@@ -100,14 +99,14 @@ def _partition(search, step):
     return Partition(np.array(known), np.array(by_links))
 
 
-def decisions_of(X, n_motions, seed=0):
+def decisions_of(X, n_motions):
     """Partitions that decide whether there are as many motions, and one more.
 
     Returns
     -------
     tuple of list of Partition
     """
-    return tuple(partitions_of(X, n_motions + more, seed) for more in range(2))
+    return tuple(partitions_of(X, n_motions + more) for more in range(2))
 
 
 def decisive(partitions, coefficients, prior):
@@ -188,16 +187,14 @@ def main():
     parallel = Parallel(n_jobs=arguments.jobs)
 
     def decided(clips):
-        return parallel(
-            delayed(decisions_of)(X, n_motions, seed) for X, n_motions, seed in clips
-        )
+        return parallel(delayed(decisions_of)(*clip) for clip in clips)
 
     decisions = []
     for family in datasets.scene_families():
         if family not in WITHOUT_WINDOWS:
             show_progress(f"apartness: {family}")
             scenes = islice(scenes_of(family, "tune"), arguments.scenes)
-            decisions += decided((each.data, each.n_motions, 0) for each in scenes)
+            decisions += decided((each.data, each.n_motions) for each in scenes)
     show_progress("")
     coefficients, prior = regression(decisions)
     for name, value in zip(NAMES, coefficients, strict=True):
@@ -208,7 +205,7 @@ def main():
         sequences = datasets.load_kt3dmoseg(arguments.data / "KT3DMoSeg")
         sequences += datasets.load_hopkins155(arguments.data / "Hopkins155")[::4]
         real = decided(
-            (each.data, len(np.unique(each.target[each.target >= 0])), 0)
+            (each.data, len(np.unique(each.target[each.target >= 0])))
             for each in sequences
         )
         print_errors("real sequences", real, coefficients, prior)

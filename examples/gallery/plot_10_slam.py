@@ -95,15 +95,15 @@ for frame in frames:
     errors["static points"].append(
         pose_error(both & static[:, frame], frame - GAP, frame)
     )
+means = {name: np.nanmean(values, axis=0) for name, values in errors.items()}
 for name, values in errors.items():
-    slant, turn = np.nanmean(values, axis=0)
+    slant, turn = means[name]
     missing = np.isnan(values).any(axis=1).sum()
     print(
         f"{name:14s} {slant:5.2f} degrees of translation, {turn:.3f} of rotation, "
         f"{missing} of {len(frames)} frames without a pose"
     )
-slants = {name: np.nanmean(values, axis=0)[0] for name, values in errors.items()}
-assert slants["static points"] < slants["all points"] / 2
+assert (means["static points"] < means["all points"] / 2).all()
 
 # %%
 
