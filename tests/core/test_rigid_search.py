@@ -261,6 +261,26 @@ def test_the_focal_length_is_looked_at_again_in_larger_groups():
     assert after < 0.05 < before
 
 
+def test_each_over_segmentation_is_merged_from_its_own_groups(scene):
+    """In their order, whether the camera is looked at again in the first or not."""
+    points, visibility, affinity, y = scene
+    side = np.nanmean(points, axis=1)
+    segmentations = [canonical_labels(2 * y + (x > np.median(x))) for x in side.T]
+    for focal_length in (None, 1.0):
+        search = RigidSearch(Windows(points, visibility), affinity, None, focal_length)
+        paths = calibrated_paths(search, segmentations)
+        starts = [path[0].labels for path in paths]
+        for start, labels in zip(starts, segmentations, strict=True):
+            assert misclassification_error(labels, start) < 0.05
+        assert {path[-1].n_motions for path in paths} == {1}
+        camera = search.windows.focal_length
+        assert (focal_length or camera) == camera
+        for path, labels in zip(paths, segmentations, strict=True):
+            again = done(search, search.descent(labels, 1))
+            energies = [[step.energy for step in each] for each in (path, again)]
+            assert_allclose(*energies, rtol=1e-3)
+
+
 def found_in(scene, counts):
     """Partitions by rigid motion, from pieces of the true motions."""
     points, y = scene[0], scene[-1]

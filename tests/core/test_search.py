@@ -29,6 +29,7 @@ from skmotionseg._core.partition.search import (
     _distinct,
     _refine,
     _rigid_costs,
+    _segments_of,
     _sparse_views,
     search_partitions,
 )
@@ -42,6 +43,20 @@ def judged():
     X, y = make_rigid_motions(random_state=0)
     graph = np.where(y[:, None] == y, 1, 0.02)
     return Judge(clip_geometry(*unpack_tracks(X)), graph[None]), y
+
+
+def test_over_segments_are_those_that_consist_of_some_tracks_mostly():
+    labels = np.repeat([0, 1, 2], [6, 5, 4])
+    clip = SimpleNamespace(
+        points=np.zeros((15, 2, 2)),
+        affinity=np.equal.outer(labels, labels).astype(float),
+        sparse=[np.equal.outer(labels, labels).astype(float)[None]],
+    )
+    some = np.isin(np.arange(15), [0, 1, 2, 6, 7, 8, 11, 12, 13, 14])
+    found = _segments_of(clip, lambda graph, count: labels.copy(), some)
+    assert_array_equal(found, np.repeat([-1, 0, 1], [6, 5, 4]))
+    none = _segments_of(clip, None, np.zeros(15, dtype=bool))
+    assert_array_equal(none, np.full(15, -1))
 
 
 def test_a_partition_is_chosen_only_if_its_motions_gain(judged):

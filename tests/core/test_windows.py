@@ -126,6 +126,11 @@ def test_residuals_are_relative_to_how_fast_tracks_move():
     assert_allclose((plain / relative)[known], np.sqrt(expected[:, 0])[known])
     squares = np.nansum(windows.relative_squares(motion), axis=1)
     assert_allclose(squares[known], (relative**2 * freedom)[known])
+    assert_array_equal(
+        freedom, np.where(np.isnan(motion.squares), 0, windows.freedom).sum(axis=1)
+    )
+    some = np.array([7, 2, 29])
+    assert_array_equal(windows.deviations(motion, some)[0], relative[some])
 
 
 def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):

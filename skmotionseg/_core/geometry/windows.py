@@ -78,11 +78,18 @@ class RigidMotion(NamedTuple):
         there is no motion, or the track is seen too little.
     tracks : ndarray of int
         The group.
+    deviations : ndarray of shape (2, n_tracks)
+        Root mean square residuals in calibrated coordinates, and those over what is
+        usual at a track's speed; 0 where nothing is known.
+    known : ndarray of int, shape (n_tracks,)
+        Of how many residuals, less the numbers that place a track.
     """
 
     poses: tuple[Poses | None, ...]
     squares: np.ndarray
     tracks: np.ndarray
+    deviations: np.ndarray
+    known: np.ndarray
 
 
 class Windows:
@@ -273,9 +280,17 @@ class Windows:
                 for k, some in zip(have, found, strict=True):
                     squares[k, rows, window] = some
         return [
-            RigidMotion(tuple(each), some, group)
+            RigidMotion(tuple(each), some, group, *self._deviations(some))
             for group, each, some in zip(groups, poses, squares, strict=True)
         ]
+
+    def _deviations(self, squares):
+        """Root mean squares of residuals of all tracks, and of how many numbers."""
+        unknown = np.isnan(squares)
+        known = np.where(unknown, 0, self.freedom).sum(axis=1)
+        squares = np.where(unknown, 0, squares)
+        totals = np.stack([squares.sum(axis=1), (squares / self.variances).sum(axis=1)])
+        return np.sqrt(totals / np.maximum(known, 1)), known
 
     def relative_squares(self, motion):
         """Squared residuals of all tracks, over their variances.
@@ -303,13 +318,7 @@ class Windows:
             In calibrated coordinates; 0 where nothing is known.
         freedom : ndarray of shape (n,)
         """
-        squares = motion.squares[tracks]
-        if relative:
-            squares = squares / self.variances[tracks]
-        unknown = np.isnan(squares)
-        freedom = np.where(unknown, 0, self.freedom[tracks]).sum(axis=1)
-        total = np.where(unknown, 0, squares).sum(axis=1)
-        return np.sqrt(total / np.maximum(freedom, 1)), freedom
+        return motion.deviations[int(relative), tracks], motion.known[tracks]
 
     def inverse_depths(self, motion, tracks):
         """Inverse depths of some tracks by a motion, window by window.

@@ -161,8 +161,8 @@ def sampson_distances(F, x, y):
     return algebraic / np.sqrt(np.maximum(gradient, np.finfo(float).tiny))
 
 
-def usual(noise, labels):
-    """Which motions are no noisier than motions of these tracks usually are.
+def usual(noise, of_tracks):
+    """Which motions are no noisier than motions of some tracks usually are.
 
     A group of outliers has a fundamental matrix, too, but far from its tracks. As long
     as outliers are not the rule, it is much farther than that of the median track.
@@ -170,15 +170,15 @@ def usual(noise, labels):
     Parameters
     ----------
     noise : ndarray of shape (M,)
-    labels : ndarray of int, shape (n,)
-        -1 is in no group.
+    of_tracks : ndarray of shape (n,)
+        Noise of the motion of each of these tracks.
 
     Returns
     -------
     ndarray of bool, shape (M,)
     """
-    noise = np.maximum(noise, ROBUST_SCALE)
-    return noise <= USUAL_NOISE * np.median(noise[labels[labels >= 0]])
+    median = max(np.median(of_tracks), ROBUST_SCALE)
+    return np.maximum(noise, ROBUST_SCALE) <= USUAL_NOISE * median
 
 
 def inliers(motions, distances):

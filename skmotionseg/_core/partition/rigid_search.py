@@ -209,7 +209,7 @@ class RigidSearch:
         self.degrees = self.affinity.sum(axis=1)
         self.simplest = _links_of(affinity if simplest is None else simplest)
         self.scale = windows.least_noise
-        self._fitted, self.apart, self._apart_by_own = {}, {}, {}
+        self._fitted, self.apart, self._distances_by_own = {}, {}, {}
         self._total, self._links_to = self.simplest.sum(), {}
 
     def run(self, *searches):
@@ -273,7 +273,7 @@ class RigidSearch:
         self._fitted = {
             fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
         }
-        self.apart, self._apart_by_own = {}, {}
+        self.apart, self._distances_by_own = {}, {}
 
     def _with_focal_length(self, focal_length, groups):
         """Nats of some groups with a focal length, and their motions."""
@@ -362,9 +362,9 @@ class RigidSearch:
             for i in range(len(groups))
             for j in range(i)
         ]
-        pairs.sort(key=lambda pair: self._by_own_motions(pair).distance)
+        pairs.sort(key=self._distance_by_own)
         some = pairs[:JOINTLY_FITTED]
-        if self._by_own_motions(pairs[0]).distance < 0:
+        if self._distance_by_own(pairs[0]) < 0:
             some = pairs[:1]
         apart = yield from self._apartnesses(some)
         if min(map(_distance, apart)) > 0 or min(map(_log_odds, apart)) > 0:
@@ -481,16 +481,17 @@ class RigidSearch:
         kept = group[deviations <= limit]
         return kept if len(kept) >= FEWEST_TRACKS else group
 
-    def _by_own_motions(self, pair):
-        """The :class:`Apartness` of two groups if one of their motions is the joint.
+    def _distance_by_own(self, pair):
+        """The distance of two groups if one of their motions is the joint.
 
         Where it places them is left open: this is to tell whom to compare, and is asked
         of all pairs.
         """
         key = pair.key
-        if key not in self._apart_by_own:
-            self._apart_by_own[key] = self._apartness_by(pair, pair.motions, told=False)
-        return self._apart_by_own[key]
+        if key not in self._distances_by_own:
+            gain, _ = self._gain(pair.groups, pair.motions, pair.motions)
+            self._distances_by_own[key] = self._distance(pair.groups, gain)
+        return self._distances_by_own[key]
 
     def _apartnesses(self, pairs):
         """The :class:`Apartness` of pairs of groups, each computed once."""
@@ -501,9 +502,8 @@ class RigidSearch:
 
     def _compared(self, pair):
         """The :class:`Apartness` of two groups, all motions fitted to more tracks."""
-        best = self._by_own_motions(pair)
-        if best.distance <= SURELY_ONE:
-            return best
+        if self._distance_by_own(pair) <= SURELY_ONE:
+            return self._apartness_by(pair, pair.motions, told=False)
         own = yield [
             FitRequest(group, (motion,), MOST_COMPARED)
             for group, motion in zip(pair.groups, pair.motions, strict=True)
@@ -529,14 +529,12 @@ class RigidSearch:
         cross = self._cross(pair)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, CROSS_WEIGHT
         log_odds = np.dot(weights, evidence(gain, links, far, hidden, cross)) + PRIOR
-        few = _fewness(self._links(*pair.groups))
-        known = min(gain, MOST_GAIN), few, far, hidden
-        distance = np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR
+        distance = self._distance(pair.groups, gain, far, hidden)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
             float(log_odds),
-            float(distance),
+            distance,
             joint,
             float(gain),
             links,
@@ -544,6 +542,12 @@ class RigidSearch:
             hidden,
             cross,
         )
+
+    def _distance(self, groups, gain, far=0.0, hidden=0.0):
+        """The distance of two groups, by which they are merged."""
+        few = _fewness(self._links(*groups))
+        known = min(gain, MOST_GAIN), few, far, hidden
+        return float(np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR)
 
     def _placed(self, inliers, joint):
         """Inverse depths of the inliers of two groups by a joint motion, and errors."""
@@ -743,8 +747,8 @@ def calibrated_paths(search, over_segments):
 
     Over-segments are small and nearly flat, so they tell little of the focal length;
     with a wrong one, a scene is not quite one rigid motion, and is torn where it is
-    large. So it is looked at again when they are merged, and if it has changed, they
-    are merged once more.
+    large. So it is looked at again when the first of them are merged, and if it has
+    changed, they are merged once more.
 
     Parameters
     ----------
@@ -756,11 +760,11 @@ def calibrated_paths(search, over_segments):
     list of list of Step
     """
     search.calibrate(over_segments[0])
-    paths = _descents(search, over_segments)
-    labels = max(map(_last_apart, paths), key=_n_motions).labels
-    if search.calibrate(labels, FOCAL_STEPS[:2]):
-        paths = _descents(search, over_segments)
-    return paths
+    first, *others = over_segments
+    paths = _descents(search, [first])
+    if search.calibrate(_last_apart(paths[0]).labels, FOCAL_STEPS[:2]):
+        return _descents(search, over_segments)
+    return paths + _descents(search, others)
 
 
 def _descents(search, over_segments):
@@ -773,10 +777,6 @@ def _last_apart(path):
     By their distance, which rather leaves a motion in parts than mixes two.
     """
     return next((step for step in path if step.distance > 0), path[-1])
-
-
-def _n_motions(step):
-    return step.n_motions
 
 
 def rank(step):

@@ -367,18 +367,6 @@ class _Clip:
         return motions.distances(self.points, self.visibility)
 
 
-def _fit_over_segments(clip, cluster):
-    """Motions of the over-segments, without those that are too noisy to be any."""
-    graph = ViewGraph.from_affinities(
-        clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
-    )
-    labels = np.zeros(len(clip.points), dtype=int)
-    if graph.n_leading > 1:
-        labels = _cluster(graph, graph.n_leading, clip.affinity, cluster)
-    motions = fit_motions(clip.geometry, labels, clip.affinity)
-    return motions[usual(motions.noise, labels)]
-
-
 def _best_by_count(clip, counts, cluster):
     """The partition of lowest cost per number of motions: {count: (cost, labels)}."""
     best: dict[int, tuple[Cost, np.ndarray]] = {}
@@ -443,15 +431,30 @@ def _bisect(clip, cluster, group):
 
 def _explain(clip, found, cluster):
     """Motions of the chosen partition, and those of over-segments that it has lost."""
-    segments = _fit_over_segments(clip, cluster)
-    motions = fit_motions(clip.geometry, found.best[found.chosen][1], clip.affinity)
+    labels = found.best[found.chosen][1]
+    motions = fit_motions(clip.geometry, labels, clip.affinity)
     lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
-    by_segment = clip.distances(segments) / segments.inlier_thresholds[:, None]
-    nearest = np.where(np.isnan(by_segment), np.inf, by_segment).argmin(axis=0)
-    members = np.bincount(nearest, minlength=len(by_segment))
-    spare = 2 * np.bincount(nearest[lost], minlength=len(by_segment)) > members
+    spare = motions[:0]
+    segments = _segments_of(clip, cluster, lost)
+    if segments.max() >= 0:
+        spare = fit_motions(clip.geometry, segments, clip.affinity)
+        spare = spare[usual(spare.noise, motions.noise[labels])]
     odd = None if found.rigid is None else RigidOutliers.of(*found.rigid)
-    return Explanation(motions, segments[spare], odd)
+    return Explanation(motions, spare, odd)
+
+
+def _segments_of(clip, cluster, some):
+    """Labels of the over-segments most of whose tracks are some given ones; else -1."""
+    if not some.any():
+        return np.full(len(some), -1)
+    graph = ViewGraph.from_affinities(
+        clip.sparse[-1], min(OVERSEGMENTATION, len(clip.points))
+    )
+    labels = np.zeros(len(clip.points), dtype=int)
+    if graph.n_leading > 1:
+        labels = _cluster(graph, graph.n_leading, clip.affinity, cluster)
+    mostly = 2 * np.bincount(labels, weights=some) > np.bincount(labels)
+    return canonical_labels(np.where(mostly[labels], labels, -1))
 
 
 def _choose(best, judge):
