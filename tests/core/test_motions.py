@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -98,26 +95,6 @@ def test_what_is_an_inlier_of_no_motion_is_rejected_and_nothing_else():
     inside = inliers(motions, motions.distances(*tracks))[np.abs(y), np.arange(len(y))]
     found = Explanation(motions, motions[:0]).reject(*tracks, swapped)
     assert_array_equal(found[(y >= 0) & inside], swapped[(y >= 0) & inside])
-
-
-def test_what_goes_with_its_neighbours_is_rejected_by_no_motion():
-    """Where rigid motions tell who does; of tracks to judge, only those are asked."""
-    _, y, (points, visibility) = scene_with(0.1, n_motions=2)
-    labels = np.maximum(y, 0)
-    geometry = clip_geometry(points, visibility)
-    motions = fit_motions(geometry, labels, linked(y))
-    alone = Explanation(motions, motions[:0])
-    lost = np.flatnonzero(alone.reject(points, visibility, labels) < 0)
-
-    def remote(some, seen):
-        assert_array_equal(some, points[lost])
-        assert_array_equal(seen, visibility[lost])
-        return np.arange(len(some)) % 3 == 0
-
-    nothing = np.zeros(len(y), dtype=bool)
-    odd = SimpleNamespace(remote=remote, outside=lambda points, visibility: nothing)
-    found = replace(alone, odd=odd).reject(points, visibility, labels)
-    assert_array_equal(np.flatnonzero(found < 0), lost[::3])
 
 
 def test_distances_are_medians_over_the_pairs_that_see_a_track():

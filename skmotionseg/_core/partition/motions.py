@@ -224,8 +224,7 @@ class Explanation:
         """Labels with -1 for the tracks that are inliers of nothing.
 
         A track that is no inlier of its own motion, but of another, stays what it is: a
-        fundamental matrix leaves a line free, and neighbours had a say. Where rigid
-        motions were found, a track that goes with its neighbours is an inlier, too.
+        fundamental matrix leaves a line free, and neighbours had a say.
 
         Parameters
         ----------
@@ -244,8 +243,6 @@ class Explanation:
         if len(left) and len(self.spare.noise):
             distances = self.spare.distances(points[left], visibility[left])
             left = left[~inliers(self.spare, distances).any(axis=0)]
-        if self.odd is not None:
-            left = left[self.odd.remote(points[left], visibility[left])]
         labels = labels.copy()
         labels[left] = -1
         if self.odd is not None:

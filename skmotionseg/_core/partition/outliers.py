@@ -88,20 +88,6 @@ class RigidOutliers:
         far[far] = strange & (remoteness > REMOTE)
         return far
 
-    def remote(self, points, visibility):
-        """Which tracks (n,) do not go with their neighbours.
-
-        Parameters
-        ----------
-        points : ndarray of shape (n, n_frames, 2)
-        visibility : ndarray of bool, shape (n, n_frames)
-
-        Returns
-        -------
-        ndarray of bool, shape (n,)
-        """
-        return self.neighbours.remoteness(points, visibility) > REMOTE
-
 
 def least_residuals(windows, motions):
     """Root mean square residuals of tracks from the motion that is nearest.
