@@ -273,8 +273,7 @@ def test_each_over_segmentation_is_merged_from_its_own_groups(scene):
         for start, labels in zip(starts, segmentations, strict=True):
             assert misclassification_error(labels, start) < 0.05
         assert {path[-1].n_motions for path in paths} == {1}
-        camera = search.windows.focal_length
-        assert (focal_length or camera) == camera
+        assert focal_length in (None, search.windows.focal_length)
         for path, labels in zip(paths, segmentations, strict=True):
             again = done(search, search.descent(labels, 1))
             energies = [[step.energy for step in each] for each in (path, again)]

@@ -490,7 +490,7 @@ class RigidSearch:
         key = pair.key
         if key not in self._distances_by_own:
             gain, _ = self._gain(pair.groups, pair.motions, pair.motions)
-            self._distances_by_own[key] = self._distance(pair.groups, gain)
+            self._distances_by_own[key] = self._merging_distance(pair.groups, gain)
         return self._distances_by_own[key]
 
     def _apartnesses(self, pairs):
@@ -529,7 +529,7 @@ class RigidSearch:
         cross = self._cross(pair)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, CROSS_WEIGHT
         log_odds = np.dot(weights, evidence(gain, links, far, hidden, cross)) + PRIOR
-        distance = self._distance(pair.groups, gain, far, hidden)
+        distance = self._merging_distance(pair.groups, gain, far, hidden)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
@@ -543,7 +543,7 @@ class RigidSearch:
             cross,
         )
 
-    def _distance(self, groups, gain, far=0.0, hidden=0.0):
+    def _merging_distance(self, groups, gain, far=0.0, hidden=0.0):
         """The distance of two groups, by which they are merged."""
         few = _fewness(self._links(*groups))
         known = min(gain, MOST_GAIN), few, far, hidden
@@ -761,10 +761,10 @@ def calibrated_paths(search, over_segments):
     """
     search.calibrate(over_segments[0])
     first, *others = over_segments
-    paths = _descents(search, [first])
-    if search.calibrate(_last_apart(paths[0]).labels, FOCAL_STEPS[:2]):
+    (path,) = _descents(search, [first])
+    if search.calibrate(_last_apart(path).labels, FOCAL_STEPS[:2]):
         return _descents(search, over_segments)
-    return paths + _descents(search, others)
+    return [path, *_descents(search, others)]
 
 
 def _descents(search, over_segments):
