@@ -27,10 +27,12 @@ from skmotionseg._core.partition.search import (
     _Clip,
     _cluster,
     _distinct,
+    _Found,
     _refine,
     _rigid_costs,
     _segments_of,
     _sparse_views,
+    _with_nearest,
     search_partitions,
 )
 from skmotionseg.datasets import make_rigid_motions
@@ -57,6 +59,19 @@ def test_over_segments_are_those_that_consist_of_some_tracks_mostly():
     assert_array_equal(found, np.repeat([-1, 0, 1], [6, 5, 4]))
     none = _segments_of(clip, None, np.zeros(15, dtype=bool))
     assert_array_equal(none, np.full(15, -1))
+
+
+def test_tracks_that_were_left_out_are_in_the_motion_of_their_nearest():
+    tracks, labels = np.array([0, 2, 3, 5, 6]), np.array([1, 1, 0, 0, 0])
+    affinity = np.eye(8)
+    affinity[1, [0, 2]] = affinity[4, [2, 3]] = 0.2, 0.5
+    affinity[7, 1] = affinity[1, 7] = 1  # only to one that was left out
+    one = np.zeros(5, dtype=int)
+    found = _Found({1: (Cost(0, 1, 1), one), 2: (Cost(0, 2, 2), labels)}, 2, {}, {})
+    best = _with_nearest(found, tracks, affinity).best
+    assert_array_equal(best[1][1], np.zeros(8))
+    assert_array_equal(best[2][1], [1, 1, 1, 0, 0, 0, 0, 0])
+    assert [cost for cost, _ in best.values()] == [Cost(0, 1, 1), Cost(0, 2, 2)]
 
 
 def test_a_partition_is_chosen_only_if_its_motions_gain(judged):

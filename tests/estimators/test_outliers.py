@@ -8,6 +8,7 @@ import pytest
 from skmotionseg import MotionSegmenter, make_motion_pipeline, pack_tracks
 from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
+from skmotionseg._core.partition import search
 from skmotionseg._core.partition.cost import Judge
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -116,3 +117,35 @@ def test_one_motion_is_found_in_nearly_all_scenes(shapes, camera):
         for seed in range(100)
     ]
     assert found.count(1) >= 95
+
+
+@pytest.mark.parametrize("outliers, n_searches", [(0.01, 1), (0.2, 2)])
+def test_motions_are_searched_again_without_many_outliers(
+    outliers, n_searches, monkeypatch
+):
+    X, y = make_rigid_motions(200, 10, 3, outliers=outliers, random_state=0)
+    by_rigid_motion, searched = search._by_rigid_motion, []
+
+    def noted(clip, *args):
+        kept = pack_tracks(clip.points, clip.visibility)
+        same = (kept[:, None] == X) | (np.isnan(kept)[:, None] & np.isnan(X))
+        searched.append(same.all(axis=2).any(axis=0))
+        return by_rigid_motion(clip, *args)
+
+    monkeypatch.setattr(search, "_by_rigid_motion", noted)
+    labels = MotionSegmenter(random_state=0, **QUICK).fit(X).labels_
+    assert misclassification_error(y, labels) < 0.02
+    assert len(searched) == n_searches
+    last = searched[-1]
+    assert last[y >= 0].mean() > 0.98
+    assert (last[y < 0].mean() < 0.15) == (n_searches > 1)
+
+
+def test_rejection_changes_no_other_label():
+    X, _ = make_rigid_motions(150, 10, 2, outliers=0.2, random_state=0)
+    rejected = MotionSegmenter(random_state=0, **QUICK).fit(X)
+    kept = MotionSegmenter(reject_outliers=False, random_state=0, **QUICK).fit(X)
+    inside = rejected.labels_ >= 0
+    assert inside.mean() < 0.9
+    assert rejected.n_motions_ == kept.n_motions_
+    assert misclassification_error(rejected.labels_[inside], kept.labels_[inside]) == 0
