@@ -321,6 +321,24 @@ def test_a_number_that_does_not_hold_is_passed_over(scene, any_number, monkeypat
     assert_array_equal(found.steps[right].labels, any_number.steps[right].labels)
 
 
+def test_a_number_that_a_bad_partition_confirms_does_not_hold(
+    scene, any_number, monkeypatch
+):
+    """Of one motion more, what a split gives is surely apart, but costs too much."""
+    right = any_number.chosen
+    more = any_number.steps[right + 1]
+    bad = more._replace(energy=more.energy + 1e6, log_odds=5.0)
+
+    def split_best(*_):
+        yield []
+        return bad
+
+    monkeypatch.setattr(module, "_split_best", split_best)
+    found = found_in(scene, np.arange(1, right + 2))
+    assert found.chosen == right
+    assert found.steps[right + 1].log_odds <= 0
+
+
 def test_the_number_that_is_asked_for_is_kept(scene):
     for count in (2, scene[-1].max() + 1):
         found = found_in(scene, np.array([count]))

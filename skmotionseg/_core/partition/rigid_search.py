@@ -736,9 +736,12 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         (grown,) = search.run(_split_best(search, steps[chosen], bisect))
         if grown is None or grown.log_odds <= 0:
             break
+        starts = _of_number(search, chosen + 1, paths, candidates, bisect)
+        (found,) = search.run(_best_improved(search, starts, bisect, [grown]))
+        steps[chosen + 1] = found
+        if found.log_odds <= 0:  # what was grown is not nearly as good
+            break
         chosen += 1
-        starts = _of_number(search, chosen, paths, candidates, bisect)
-        (steps[chosen],) = search.run(_best_improved(search, starts, bisect, [grown]))
     return RigidPartitions(steps, chosen)
 
 
