@@ -31,6 +31,7 @@ from benchmarks import (
     two_view_peers,
 )
 from benchmarks.__main__ import main, sections_of_speed
+from benchmarks.watching import rigid_searches
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry import description_length, epipolar
 from skmotionseg._core.partition import cost
@@ -292,6 +293,19 @@ def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
     assert error < 0.05
     few = make_scene("table", n_tracks=30, n_frames=3, n_motions=2, random_state=0)
     assert search_gap.gap(Bunch(seed=0, **few)) is None
+
+
+def test_of_a_search_with_and_one_without_outliers_the_last_is_looked_at():
+    scene = make_scene(
+        "planar", n_tracks=80, n_frames=8, n_motions=2, outliers=0.3, random_state=0
+    )
+    with rigid_searches() as searches:
+        MotionSegmenter(2, random_state=0).fit(scene.data)
+    first, last = (len(search.degrees) for search, _ in searches)
+    assert last < first
+    more, _ = search_gap.gap(Bunch(seed=0, **scene))
+    assert more <= search_gap.TOLERANCE
+    assert apartness.partitions_of(scene.data, 2)
 
 
 def test_search_gaps_are_summed_up():
