@@ -722,10 +722,15 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         n = step.n_motions
         if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
             steps[n] = step
+
+    def best_into(n_motions, *others):
+        starts = _of_number(search, n_motions, paths, candidates, bisect)
+        (best,) = search.run(_best_improved(search, starts, bisect, others))
+        return best
+
     chosen = max(_n_apart(path, fewest, most) for path in paths)
     while True:
-        starts = _of_number(search, chosen, paths, candidates, bisect)
-        (found,) = search.run(_best_improved(search, starts, bisect))
+        found = best_into(chosen)
         if found is None:
             return None
         steps[chosen] = found
@@ -736,9 +741,7 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         (grown,) = search.run(_split_best(search, steps[chosen], bisect))
         if grown is None or grown.log_odds <= 0:
             break
-        starts = _of_number(search, chosen + 1, paths, candidates, bisect)
-        (found,) = search.run(_best_improved(search, starts, bisect, [grown]))
-        steps[chosen + 1] = found
+        steps[chosen + 1] = found = best_into(chosen + 1, grown)
         if found.log_odds <= 0:  # what was grown is not nearly as good
             break
         chosen += 1

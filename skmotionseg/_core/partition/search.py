@@ -15,7 +15,7 @@ from ..geometry.windows import FEWEST_SEEN, Windows
 from ..graph.cuts import own_shares
 from ..graph.neighbourhood import neighbourhood_thresholds, sparsify
 from ..graph.spectral import ViewGraph, connected_tracks
-from ..labels import canonical_labels, nearest_labels
+from ..labels import canonical_labels, nearest_labels, nearest_votes_in_each
 from .agglomeration import merge_path
 from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
@@ -236,7 +236,7 @@ class _Found(NamedTuple):
     distinct: np.ndarray | None = None
 
 
-def _by_motions(clip, counts, cluster, focal_length=None):
+def _by_motions(clip, counts, cluster, focal_length):
     """The best partitions by the judge that fits a clip, and what explains its tracks.
 
     Outliers make motions of their own, and hide those of others. So where there are
@@ -272,16 +272,15 @@ def _with_nearest(found, tracks, affinity):
 
     A track that shares no preference with these is in the largest motion.
     """
+    costs, partitions = zip(*found.best.values(), strict=True)
     others = np.setdiff1d(np.arange(len(affinity)), tracks)
     to_tracks = affinity[np.ix_(others, tracks)]
-    best = {}
-    for count, (cost, labels) in found.best.items():
-        everywhere = np.full(len(affinity), np.bincount(labels).argmax())
-        everywhere[tracks] = labels
-        nearest = nearest_labels(to_tracks, labels)
-        everywhere[others[nearest >= 0]] = nearest[nearest >= 0]
-        best[count] = cost, everywhere
-    return found._replace(best=best)
+    nearest, _ = nearest_votes_in_each(to_tracks, np.stack(partitions))
+    largest = [[np.bincount(labels).argmax()] for labels in partitions]
+    labels = _put(tracks, np.stack(partitions), len(affinity), -1)
+    labels[:, others] = np.where(nearest >= 0, nearest, largest)
+    best = zip(costs, labels, strict=True)
+    return found._replace(best=dict(zip(found.best, best, strict=True)))
 
 
 def _by_frame_pairs(clip, counts, cluster):
