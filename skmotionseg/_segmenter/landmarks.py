@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._core.geometry.coverage import draw_covering, draw_stratified
+from .._core.geometry.isolation import isolation
 from .._core.graph.clustering import cluster_graph
 from .._core.graph.fusion import kernel_addition
 from .._core.graph.spectral import ViewGraph
@@ -16,6 +17,12 @@ FIRST_LANDMARKS = 600
 FIRST_HYPOTHESES = 200
 OVER_SEGMENTS = 30
 RESTARTS = 5
+# Tracks so much farther from going with their neighbours than these are from theirs are
+# isolated, and no more than this share of the landmarks: in dense simulated scenes,
+# 87 % of the outliers are, and 5 % of the others. Of none at all, tracks of a small
+# motion that are scattered among others would be lost.
+ISOLATED = 4.0
+SHARE_ISOLATED = 0.05
 # The choice is the same for every seed of a fit: other landmarks are other data, and of
 # two numbers of motions that are nearly as likely, another may then be chosen.
 SEED = 0
@@ -30,6 +37,8 @@ def choose_landmarks(
     through the background is then cheaper than one around it. So a first choice of
     tracks, which covers all places, displacements and frames, is over-segmented, all
     tracks are placed in the over-segments, and as many landmarks are drawn from each.
+    Outliers are far from everything, and would be half of such a choice: so it is made
+    among tracks that go with their neighbours, and a few others.
 
     Parameters
     ----------
@@ -53,6 +62,8 @@ def choose_landmarks(
     if n_landmarks == len(points):
         return np.arange(len(points))
     rng = np.random.RandomState(SEED)
+    worthy = _hardly_isolated(points, visibility, n_landmarks, rng)
+    points, visibility = points[worthy], visibility[worthy]
     seeds = view_seeds(rng, models)
     n_first = min(max(FIRST_LANDMARKS, n_landmarks), len(points))
     first = draw_covering(points, visibility, n_first, rng)
@@ -70,7 +81,15 @@ def choose_landmarks(
     placed, _ = place_by_landmarks(
         fitted, points, visibility, first, segments[None], n_jobs
     )
-    return draw_stratified(placed[0], n_landmarks, rng)
+    return worthy[draw_stratified(placed[0], n_landmarks, rng)]
+
+
+def _hardly_isolated(points, visibility, n_landmarks, rng):
+    """Positions, ascending, of tracks that go with neighbours, and of a few others."""
+    isolated = isolation(points, visibility) > ISOLATED
+    along, alone = np.flatnonzero(~isolated), np.flatnonzero(isolated)
+    n_alone = max(int(SHARE_ISOLATED * n_landmarks), n_landmarks - len(along))
+    return np.sort(np.concatenate([along, rng.permutation(alone)[:n_alone]]))
 
 
 def _over_segment(affinities, rng):
