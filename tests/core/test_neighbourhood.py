@@ -7,7 +7,11 @@ import pytest
 from helpers import textbook
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skmotionseg._core.graph.neighbourhood import neighbourhood_thresholds, sparsify
+from skmotionseg._core.graph.neighbourhood import (
+    neighbourhood_thresholds,
+    sparsify,
+    strongest,
+)
 
 every_alpha = pytest.mark.parametrize("alpha", [0.5, 1, 5, 6, 10])
 
@@ -169,3 +173,35 @@ def test_each_end_that_lets_go_halves_an_affinity():
 def test_an_affinity_at_the_threshold_goes():
     half = np.array([0.5])
     assert_array_equal(sparsify(np.array([[0.5]]), half, half), [[0]])
+
+
+# ---------------------------------------------------------------- so many links of each
+
+
+@pytest.mark.parametrize("n_links", [1, 5, 23])
+def test_the_strongest_links_are_kept(n_links):
+    K = random_affinity()
+    np.fill_diagonal(K, 0)
+    expected = np.zeros_like(K)
+    for i, row in enumerate(K):
+        for j in np.argsort(-row)[:n_links]:
+            expected[[i, j], [j, i]] += K[i, j] / 2
+    assert_allclose(strongest(random_affinity(), n_links), expected)
+
+
+@pytest.mark.parametrize("n_links", [24, 25, 100])
+def test_with_fewer_others_all_links_are_kept(n_links):
+    K = random_affinity()
+    np.fill_diagonal(K, 0)
+    assert_array_equal(strongest(random_affinity(), n_links), K)
+
+
+def test_equal_links_are_kept_together():
+    K = np.ones((6, 6))
+    assert_array_equal(strongest(K, 2), 1 - np.eye(6))
+
+
+def test_the_affinity_that_is_given_stays():
+    K = random_affinity()
+    strongest(K, 3)
+    assert_array_equal(K, random_affinity())

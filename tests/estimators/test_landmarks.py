@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from skmotionseg import MotionSegmenter, unpack_tracks
-from skmotionseg._segmenter import views
+from skmotionseg._segmenter import landmarks, views
 from skmotionseg._segmenter.memory import number_of_landmarks
 from skmotionseg._segmenter.views import PAIRS_TO_PLACE
-from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
 
 
@@ -32,6 +32,21 @@ def test_a_small_motion_in_a_dense_scene_is_found():
     small = np.r_[np.flatnonzero(y == 0)[:1568], np.flatnonzero(y == 1)[:32]]
     labels = MotionSegmenter(2, random_state=0).fit_predict(X[small])
     assert misclassification_error(y[small], labels) < 0.002
+
+
+def test_outliers_have_no_more_landmarks_than_their_share(monkeypatch):
+    scene = make_scene(
+        "dense_small", n_tracks=3000, n_motions=3, outliers=0.3, random_state=0
+    )
+    among = scene.target[:, None] < 0
+
+    def share():
+        segmenter = MotionSegmenter(3, n_hypotheses=50, random_state=0)
+        return among[segmenter.fit(scene.data).landmarks_].mean()
+
+    assert share() < 2 / 3 * among.mean()
+    monkeypatch.setattr(landmarks, "ISOLATED", np.inf)
+    assert share() > among.mean()
 
 
 def test_all_tracks_are_fitted_where_that_is_asked_for():

@@ -82,3 +82,28 @@ def sparsify(affinity, row_thresholds, column_thresholds):
     votes *= affinity
     votes /= 2
     return votes
+
+
+def strongest(affinity, n_links):
+    """Keep the largest entries of each row: links to so many others.
+
+    Of an epsilon-neighbourhood, rows keep the more entries the more there are, and one
+    of a small group then keeps some that are not of it.
+
+    Parameters
+    ----------
+    affinity : ndarray of shape (n, n)
+        Symmetric and non-negative; its diagonal does not count.
+    n_links : int
+        Equal ones are kept together.
+
+    Returns
+    -------
+    ndarray of shape (n, n)
+        With entries halved that only one of their two ends keeps, and a diagonal of 0.
+    """
+    links = affinity.copy()
+    np.fill_diagonal(links, 0)
+    place = max(len(links) - n_links, 0)
+    least = np.partition(links, place, axis=1)[:, place] * (1 - TIE)
+    return sparsify(links, least, least)

@@ -13,7 +13,7 @@ from scipy.special import expit
 from ..geometry.description_length import clip_geometry
 from ..geometry.windows import FEWEST_SEEN, Windows
 from ..graph.cuts import own_shares
-from ..graph.neighbourhood import neighbourhood_thresholds, sparsify
+from ..graph.neighbourhood import neighbourhood_thresholds, sparsify, strongest
 from ..graph.spectral import ViewGraph, connected_tracks
 from ..labels import canonical_labels, nearest_labels, nearest_votes_in_each
 from .agglomeration import merge_path
@@ -35,6 +35,10 @@ SPARSITIES = (4.0, 8.0)
 # error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two
 # numbers of 4.
 OVERSEGMENTATION = 8
+# Links of a track, by the simplest motion model, that tell motions apart: of a thousand
+# tracks the graph has up to 50 of each, and a small thing may have fewer tracks. On 32
+# dense simulated scenes, the error with the number known falls from 1.6 to 0.6 %.
+LINKS = 24
 # Tracks, and the share of them that some window sees often enough, below which rigid
 # motion over windows is not asked.
 FEWEST_FOR_RIGID = 40
@@ -324,7 +328,8 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
 
     views = clip.sparse[-1]
     share = focal_length and focal_length / windows.size
-    search = RigidSearch(windows, views.sum(axis=0), views[0], share)
+    few = strongest(views[0], LINKS)
+    search = RigidSearch(windows, views.sum(axis=0), few, share)
     over_segments = [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
     bisect = partial(_bisect, clip, cluster)
     found = rigid_partitions(search, over_segments, counts, candidates, bisect)

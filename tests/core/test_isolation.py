@@ -1,0 +1,90 @@
+"""Outliers go where none of their neighbours goes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skmotionseg import unpack_tracks
+from skmotionseg._core.geometry.isolation import (
+    COMPANIONS,
+    LEAST_USUAL,
+    NEIGHBOURS,
+    SPAN,
+    isolation,
+)
+from skmotionseg.datasets import make_scene
+
+USUAL = 4.0  # the limit of landmarks
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """3,000 tracks: a background, two small things, and a quarter of outliers."""
+    return make_scene(
+        "dense_small", n_tracks=3000, n_motions=3, outliers=0.25, random_state=0
+    )
+
+
+def textbook(points, visibility):
+    """One track and one pair of frames at a time."""
+    largest = np.ones(len(points))
+    last = visibility.shape[1] - 1
+    for first in range(0, last, SPAN):
+        then = min(first + SPAN, last)
+        seen = np.flatnonzero(visibility[:, first] & visibility[:, then])
+        if len(seen) <= NEIGHBOURS:
+            continue
+        x = points[seen, first]
+        moved = points[seen, then] - x
+        apart, companions = np.empty(len(seen)), []
+        for i in range(len(seen)):
+            near = np.argsort(np.linalg.norm(x - x[i], axis=1))[1 : NEIGHBOURS + 1]
+            different = np.linalg.norm(moved[near] - moved[i], axis=1)
+            order = np.argsort(different)[:COMPANIONS]
+            apart[i] = different[order[-1]]
+            companions.append(near[order])
+        least = LEAST_USUAL * np.median(apart)
+        for i, track in enumerate(seen):
+            usual = max(np.median(apart[companions[i]]), least)
+            largest[track] = max(largest[track], apart[i] / usual)
+    return largest
+
+
+def test_it_is_that_of_the_textbook():
+    scene = make_scene("hand_held", n_tracks=150, n_frames=9, random_state=1)
+    tracks = unpack_tracks(scene.data)
+    assert_allclose(isolation(*tracks), textbook(*tracks))
+
+
+def test_outliers_are_isolated_and_others_are_not(scene):
+    isolated = isolation(*unpack_tracks(scene.data)) > USUAL
+    small = np.isin(scene.target, np.argsort(np.bincount(scene.target + 1)[1:])[:2])
+    assert isolated[scene.target < 0].mean() > 0.75
+    assert isolated[scene.target >= 0].mean() < 0.1
+    assert isolated[small].mean() < 0.25
+
+
+def test_units_do_not_matter(scene):
+    points, visibility = unpack_tracks(scene.data[:500])
+    expected = isolation(points, visibility)
+    assert_allclose(isolation(8 * points - 100, visibility), expected, rtol=1e-6)
+
+
+def test_tracks_with_few_others_are_not_isolated(scene):
+    points, visibility = unpack_tracks(scene.data[:NEIGHBOURS])
+    assert_array_equal(isolation(points, visibility), 1)
+
+
+def test_tracks_that_are_seen_too_briefly_are_not_isolated(scene):
+    points, visibility = unpack_tracks(scene.data[:200])
+    visibility = visibility.copy()
+    visibility[0], visibility[0, 3] = False, True
+    assert isolation(points, visibility)[0] == 1
+
+
+def test_what_stands_still_is_not_isolated():
+    points = np.random.default_rng(0).uniform(0, 500, size=(100, 1, 2))
+    still = np.repeat(points, 6, axis=1)
+    assert_array_equal(isolation(still, np.ones((100, 6), dtype=bool)), 1)
