@@ -1,10 +1,12 @@
 """Errors on simulated scenes, family by family.
 
     python -m benchmarks.scenes_bench --scenes 20 --half tune
+    python -m benchmarks.scenes_bench --families dense_small --tracks 2000 7000
 
 Constants are set on the scenes with even seeds (``--half tune``) and reported on those
 with odd ones (``--half report``). Only scenes whose true motions tell the tracks apart
-are judged (``--separation``), and each family has as many of them. Another program
+are judged (``--separation``), and each family has as many of them. They have a few
+hundred tracks; with more (``--tracks``), landmarks are what is judged. Another program
 calls :func:`run` with an estimator of its own.
 """
 
@@ -231,6 +233,7 @@ def _parser():
     add("--half", choices=tuple(HALVES), default="tune")
     add("--families", nargs="+", choices=scene_families(), default=scene_families())
     add("--separation", type=float, default=SEPARATION)
+    add("--tracks", type=int, nargs=2, metavar=("LOW", "HIGH"), help="of a scene")
     add("--jobs", type=int, default=1, help="scenes at a time")
     add("--known", action="store_true", help="only with the number of motions given")
     add("--unknown", action="store_true", help="only without")
@@ -252,6 +255,7 @@ def main(arguments=None):
         separation=arguments.separation,
         n_jobs=arguments.jobs,
         progress=lambda rows: show_line(summarise(rows)),
+        overrides={"n_tracks": tuple(arguments.tracks)} if arguments.tracks else None,
     )
     show_line(summarise(rows, "all"))
     for row in rows:
