@@ -59,8 +59,9 @@ def choose_landmarks(
     ValueError
         If so few tracks leave no frame pair with as many as a model needs.
     """
-    if n_landmarks == len(points):
-        return np.arange(len(points))
+    n_tracks = len(points)
+    if n_landmarks == n_tracks:
+        return np.arange(n_tracks)
     rng = np.random.RandomState(SEED)
     worthy = _hardly_isolated(points, visibility, n_landmarks, rng)
     points, visibility = points[worthy], visibility[worthy]
@@ -72,7 +73,7 @@ def choose_landmarks(
         for model in models
     }
     with noting(
-        f"looking at {n_first} tracks of {len(points)}; n_landmarks says how many"
+        f"looking at {n_first} tracks of {n_tracks}; n_landmarks says how many"
     ):
         fitted, affinities, _ = fit_views(
             views, points[first], visibility[first], n_jobs, memory

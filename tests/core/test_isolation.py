@@ -14,9 +14,8 @@ from skmotionseg._core.geometry.isolation import (
     SPAN,
     isolation,
 )
+from skmotionseg._segmenter.landmarks import ISOLATED
 from skmotionseg.datasets import make_scene
-
-USUAL = 4.0  # the limit of landmarks
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def test_it_is_that_of_the_textbook():
 
 
 def test_outliers_are_isolated_and_others_are_not(scene):
-    isolated = isolation(*unpack_tracks(scene.data)) > USUAL
+    isolated = isolation(*unpack_tracks(scene.data)) > ISOLATED
     small = np.isin(scene.target, np.argsort(np.bincount(scene.target + 1)[1:])[:2])
     assert isolated[scene.target < 0].mean() > 0.75
     assert isolated[scene.target >= 0].mean() < 0.1

@@ -38,15 +38,15 @@ def test_outliers_have_no_more_landmarks_than_their_share(monkeypatch):
     scene = make_scene(
         "dense_small", n_tracks=3000, n_motions=3, outliers=0.3, random_state=0
     )
-    among = scene.target[:, None] < 0
+    outliers = scene.target < 0
 
     def share():
         segmenter = MotionSegmenter(3, n_hypotheses=50, random_state=0)
-        return among[segmenter.fit(scene.data).landmarks_].mean()
+        return outliers[segmenter.fit(scene.data).landmarks_].mean()
 
-    assert share() < 2 / 3 * among.mean()
+    assert share() < 2 / 3 * outliers.mean()
     monkeypatch.setattr(landmarks, "ISOLATED", np.inf)
-    assert share() > among.mean()
+    assert share() > outliers.mean()
 
 
 def test_all_tracks_are_fitted_where_that_is_asked_for():

@@ -8,7 +8,7 @@ together wherever it goes.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 # So many tracks nearby are compared with, and how far the third of those that go most
 # alike is from going alike says how isolated a track is.
@@ -52,7 +52,7 @@ def isolation(points, visibility):
 
 def _between(x, y):
     """The isolation (n,) of points (n, 2) that go from here to there."""
-    neighbours = cKDTree(x).query(x, NEIGHBOURS + 1)[1]
+    neighbours = KDTree(x).query(x, NEIGHBOURS + 1)[1]
     neighbours = neighbours[:, 1:]  # without the point itself, or one that is there too
     moved = y - x
     apart = np.hypot(*np.moveaxis(moved[neighbours] - moved[:, None], 2, 0))

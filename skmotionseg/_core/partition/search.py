@@ -276,12 +276,13 @@ def _with_nearest(found, tracks, affinity):
 
     A track that shares no preference with these is in the largest motion.
     """
-    costs, partitions = zip(*found.best.values(), strict=True)
+    costs, found_labels = zip(*found.best.values(), strict=True)
+    partitions = np.stack(found_labels)
     others = np.setdiff1d(np.arange(len(affinity)), tracks)
     to_tracks = affinity[np.ix_(others, tracks)]
-    nearest, _ = nearest_votes_in_each(to_tracks, np.stack(partitions))
+    nearest, _ = nearest_votes_in_each(to_tracks, partitions)
     largest = [[np.bincount(labels).argmax()] for labels in partitions]
-    labels = _put(tracks, np.stack(partitions), len(affinity), -1)
+    labels = _put(tracks, partitions, len(affinity), -1)
     labels[:, others] = np.where(nearest >= 0, nearest, largest)
     best = zip(costs, labels, strict=True)
     return found._replace(best=dict(zip(found.best, best, strict=True)))
