@@ -98,3 +98,13 @@ def test_systems_of_three_are_solved():
     found = solve_three(np.moveaxis(matrices[UPPER], -1, 0), right.T)
     expected = np.linalg.solve(matrices, right[..., None])[..., 0]
     assert_allclose(np.stack(found, axis=-1), expected, rtol=1e-8)
+
+
+def test_of_singular_systems_the_solutions_are_bounded():
+    """Rounding makes some determinants negative, or far too small."""
+    rng = np.random.default_rng(5)
+    roots = rng.normal(size=(500, 3, 2)) * 10.0 ** rng.integers(-4, 5, size=(500, 3, 1))
+    matrices = roots @ roots.swapaxes(1, 2)
+    right = (matrices @ rng.normal(size=(500, 3, 1)))[..., 0]
+    found = np.stack(solve_three(np.moveaxis(matrices[UPPER], -1, 0), right.T))
+    assert np.abs(found).max() < 1e30

@@ -11,6 +11,8 @@ import numpy as np
 NEAREST = 0.05
 # The six entries that tell a symmetric matrix of three unknowns.
 UPPER = ..., *np.triu_indices(3)
+# Of a determinant, relative to the product of the diagonal.
+ROUNDING = 8 * np.finfo(float).eps
 
 
 class Poses(NamedTuple):
@@ -159,7 +161,9 @@ def solve_three(matrix, right):
     a, b, c, d, e, f = matrix
     minors = d * f - e * e, c * e - b * f, b * e - c * d
     determinant = a * minors[0] + b * minors[1] + c * minors[2]
-    inverse = 1 / np.maximum(determinant, np.finfo(float).tiny)
+    # Below this it is rounding: of a singular matrix, solutions of 1e200 would follow.
+    least = ROUNDING * (a * d * f)  # their product bounds the determinant (Hadamard)
+    inverse = 1 / np.maximum(determinant, np.maximum(least, np.finfo(float).tiny))
     rows = (
         minors,
         (minors[1], a * f - c * c, b * c - a * e),
