@@ -115,7 +115,7 @@ CONSTANTS = (
     Constant("_core.partition.rigid_search", "NATS_OF_LINKS"),
     Constant("_core.partition.rigid_search", "MERGING_WEIGHTS"),
     Constant("_core.partition.rigid_search", "MERGING_PRIOR"),
-    Constant("_core.partition.rigid_search", "NATS_OF_DISTANCE"),
+    Constant("_core.partition.rigid_search", "NATS_OF_DOUBT"),
     Constant("_core.partition.rigid_search", "NATS_OF_CUT"),
     Constant("_core.partition.rigid_search", "NATS_OF_LABELS"),
     Constant("_core.partition.rigid_search", "NEARLY_AS_GOOD"),

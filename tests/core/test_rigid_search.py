@@ -17,7 +17,7 @@ from skmotionseg._core.partition.rigid_search import (
     FEWEST_LINKS,
     MOST_CROSS,
     NATS_OF_CUT,
-    NATS_OF_DISTANCE,
+    NATS_OF_DOUBT,
     NATS_OF_LABELS,
     SURELY_ONE,
     RigidSearch,
@@ -29,6 +29,7 @@ from skmotionseg._core.partition.rigid_search import (
     evidence,
     rank,
     rigid_partitions,
+    with_odds,
 )
 from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
@@ -105,6 +106,26 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     _, whole = done(search, search.least_apart(y, motions))
     assert whole.log_odds > 1
     assert whole.distance > 2
+
+
+def test_halves_of_a_motion_without_links_are_in_doubt(scene):
+    """By its links, their distance says that they are two; their odds do not."""
+    points, visibility, affinity, y = scene
+    background = np.flatnonzero(y == 0)
+    x = np.nanmean(points[background], axis=1)[:, 0]
+    right = background[x > np.median(x)]
+    torn, affinity = np.zeros(len(y), dtype=int), affinity.copy()
+    torn[right] = 1
+    affinity[np.ix_(torn == 0, torn == 1)] = affinity[np.ix_(torn == 1, torn == 0)] = 0
+    tracks = background
+    search = RigidSearch(
+        Windows(points[tracks], visibility[tracks]), affinity[np.ix_(tracks, tracks)]
+    )
+    labels = torn[tracks]
+    search.calibrate(labels)
+    step = done(search, with_odds(search, done(search, search.settled(labels))))
+    assert step.distance > 0 > step.log_odds == step.certainty
+    assert rank(step) > rank(step._replace(certainty=step.distance))
 
 
 def test_outliers_in_groups_do_not_link_them(scene):
@@ -412,7 +433,7 @@ def test_a_number_is_as_sure_as_in_the_surest_partition_that_is_nearly_as_good()
         assert (best.energy, best.log_odds) == (10.0, 2.0)
         np.testing.assert_array_equal(best.labels, labels)
     assert _surest([cheap, dear]) == cheap
-    hardly_apart = cheap._replace(distance=-4.0)
+    hardly_apart = cheap._replace(certainty=-4.0)
     np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
 
 
@@ -440,12 +461,12 @@ def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
 
 
 def test_partitions_cost_more_if_two_motions_are_hardly_apart():
-    def cost(distance):
-        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], distance=distance))
+    def cost(certainty):
+        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], certainty=certainty))
 
     assert cost(np.inf) == cost(0.0) == 2
-    assert cost(-1.0) == 2 + NATS_OF_DISTANCE
-    assert cost(-2.0) == 2 + 2 * NATS_OF_DISTANCE
+    assert cost(-1.0) == 2 + NATS_OF_DOUBT
+    assert cost(-2.0) == 2 + 2 * NATS_OF_DOUBT
     assert cost(-30.0) == cost(SURELY_ONE) > cost(-2.0)
 
 

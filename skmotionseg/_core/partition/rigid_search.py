@@ -73,10 +73,10 @@ MOST_CHANGES = 5
 ROUNDS = 6
 # Partitions that cost up to so many nats per track more are nearly as good as another.
 NEARLY_AS_GOOD = 0.3
-# Nats per track that a partition costs beside its energy: for each by which the
-# distance of two of its motions is below 0; if all links go to other motions; and for
+# Nats per track that a partition costs beside its energy: for each by which distance or
+# log odds of two of its motions are below 0; if all links go to other motions; and for
 # each nat that labels tell. By which partitions of simulated scenes are then the best.
-NATS_OF_DISTANCE = 0.2
+NATS_OF_DOUBT = 0.2
 NATS_OF_CUT = 4.0
 NATS_OF_LABELS = 0.5
 # Groups of linked tracks that no motion explains, of which new motions are tried.
@@ -145,6 +145,9 @@ class Step(NamedTuple):
         Infinite where there is no pair.
     distance : float
         Of the two groups that are least apart.
+    certainty : float
+        The less of the distance and of its own log odds: how surely all groups are
+        different motions, at least.
     """
 
     energy: float
@@ -154,6 +157,7 @@ class Step(NamedTuple):
     pair: tuple[int, int] | None = None
     log_odds: float = np.inf
     distance: float = np.inf
+    certainty: float = np.inf
 
     @property
     def n_motions(self):
@@ -162,7 +166,12 @@ class Step(NamedTuple):
 
 def _with_odds_of(step, i, j, least):
     """A step with the two groups that are least apart, and their :class:`Apartness`."""
-    return step._replace(pair=(j, i), log_odds=least.log_odds, distance=least.distance)
+    return step._replace(
+        pair=(j, i),
+        log_odds=least.log_odds,
+        distance=least.distance,
+        certainty=min(least.log_odds, least.distance),
+    )
 
 
 class _Pair(NamedTuple):
@@ -790,15 +799,17 @@ def rank(step):
 
     Tracks of no motion are many where there are outliers, and what parts them saves
     more than what parts two small motions. But it cuts links, and labels that part
-    many tracks tell more. Partitions also cost more if two motions are hardly apart;
-    motions that are surely one cost the same, however close they are.
+    many tracks tell more. Partitions also cost more if two motions are hardly apart, by
+    their distance or by their log odds: halves of a large thing that turns may have no
+    links, and then only the odds tell that they are one. Motions that are surely one
+    cost the same, however close they are.
     """
-    distance = min(max(step.distance, SURELY_ONE), 0.0)
+    doubt = -min(max(step.certainty, SURELY_ONE), 0.0)
     return (
         step.energy / len(step.labels)
         + NATS_OF_CUT * step.cut
         + NATS_OF_LABELS * _entropy(step.labels)
-        - NATS_OF_DISTANCE * distance
+        + NATS_OF_DOUBT * doubt
     )
 
 
