@@ -117,11 +117,9 @@ def test_halves_of_a_motion_without_links_are_in_doubt(scene):
     torn, affinity = np.zeros(len(y), dtype=int), affinity.copy()
     torn[right] = 1
     affinity[np.ix_(torn == 0, torn == 1)] = affinity[np.ix_(torn == 1, torn == 0)] = 0
-    tracks = background
-    search = RigidSearch(
-        Windows(points[tracks], visibility[tracks]), affinity[np.ix_(tracks, tracks)]
-    )
-    labels = torn[tracks]
+    windows = Windows(points[background], visibility[background])
+    search = RigidSearch(windows, affinity[np.ix_(background, background)])
+    labels = torn[background]
     search.calibrate(labels)
     step = done(search, with_odds(search, done(search, search.settled(labels))))
     assert step.distance > 0 > step.log_odds == step.certainty
