@@ -113,13 +113,9 @@ def test_halves_of_a_motion_without_links_are_in_doubt(scene):
     points, visibility, affinity, y = scene
     background = np.flatnonzero(y == 0)
     x = np.nanmean(points[background], axis=1)[:, 0]
-    right = background[x > np.median(x)]
-    torn, affinity = np.zeros(len(y), dtype=int), affinity.copy()
-    torn[right] = 1
-    affinity[np.ix_(torn == 0, torn == 1)] = affinity[np.ix_(torn == 1, torn == 0)] = 0
-    windows = Windows(points[background], visibility[background])
-    search = RigidSearch(windows, affinity[np.ix_(background, background)])
-    labels = torn[background]
+    labels = (x > np.median(x)).astype(int)
+    links = affinity[np.ix_(background, background)] * (labels[:, None] == labels)
+    search = RigidSearch(Windows(points[background], visibility[background]), links)
     search.calibrate(labels)
     step = done(search, with_odds(search, done(search, search.settled(labels))))
     assert step.distance > 0 > step.log_odds == step.certainty

@@ -801,8 +801,8 @@ def rank(step):
     more than what parts two small motions. But it cuts links, and labels that part
     many tracks tell more. Partitions also cost more if two motions are hardly apart, by
     their distance or by their log odds: no link may join halves of a large background,
-    and then only the odds tell that they are one. Motions that are surely one
-    cost the same, however close they are.
+    and then only the odds tell that they are one. Motions that are surely one cost the
+    same, however close they are.
     """
     doubt = -min(max(step.certainty, SURELY_ONE), 0.0)
     return (
