@@ -1,13 +1,12 @@
 """Log odds of two groups of tracks being different motions, from simulated scenes.
 
-The number of motions is the largest of which a partition is found whose groups are all
-apart: of those that are nearly the best, the one where that is surest decides, and in
-it the two groups that are least apart. So scenes are searched for partitions into as
+The number of motions is the largest of which the best partition has groups that are all
+apart: the two that are least apart decide. So scenes are searched for partitions into as
 many motions as there are, where these two are apart, and into one more, where they are
 not. A logistic regression on what says that they are different motions
 (``skmotionseg._core.partition.rigid_search.evidence``) gives the constants of that
-module. Which two groups decide depends on the constants, so it is repeated with the
-groups that decide by those of the last time. With ``--data DIR``, partitions of real
+module. Which partition is the best, and which two groups decide, depends on the
+constants, so it is repeated with those that decide by the constants of the last time. With ``--data DIR``, partitions of real
 sequences are told by the same constants, for comparison::
 
     python -m benchmarks.apartness --scenes 30 --jobs 2 --data DIR
@@ -27,7 +26,7 @@ from sklearn.linear_model import LogisticRegression
 
 from skmotionseg import MotionSegmenter, datasets
 from skmotionseg._core.labels import groups_of
-from skmotionseg._core.partition.rigid_search import NEARLY_AS_GOOD, evidence, rank
+from skmotionseg._core.partition.rigid_search import Step, evidence, rank
 
 from .measuring import show_progress
 from .scenes_bench import scenes_of
@@ -44,6 +43,8 @@ class Partition(NamedTuple):
 
     Attributes
     ----------
+    step : Step
+        Without its motions.
     evidence : ndarray of shape (n_pairs, 5)
         Of the pairs of groups that were compared.
     by_links : ndarray of shape (n_pairs,)
@@ -51,12 +52,13 @@ class Partition(NamedTuple):
         of others.
     """
 
+    step: Step
     evidence: np.ndarray
     by_links: np.ndarray
 
 
 def partitions_of(X, n_motions):
-    """Partitions into so many motions that are nearly the best of those that are met.
+    """Partitions into so many motions that are compared.
 
     Parameters
     ----------
@@ -79,9 +81,8 @@ def partitions_of(X, n_motions):
     ]
     if n_motions == 1 or hasattr(segmenter, "windows_") or not compared:
         return []
-    limit = min(rank(step) for _, step in compared) + NEARLY_AS_GOOD
-    near = [_partition(*each) for each in compared if rank(each[1]) <= limit]
-    return [partition for partition in near if len(partition.evidence)]
+    partitions = [_partition(*each) for each in compared]
+    return [partition for partition in partitions if len(partition.evidence)]
 
 
 def _partition(search, step):
@@ -93,14 +94,15 @@ def _partition(search, step):
     )
     found = [search.apart[key] for key in keys if key in search.apart]
     known = [
-        evidence(each.gain, each.links, each.far, each.behind, each.cross)
+        evidence(each.size, each.gain, each.links, each.far, each.behind, each.cross)
         for each in found
     ]
     # The two are the same number only where one is taken for the other.
     by_links = [
         each.log_odds if each.log_odds == each.distance else np.nan for each in found
     ]
-    return Partition(np.array(known), np.array(by_links))
+    step = step._replace(motions=[])
+    return Partition(step, np.array(known), np.array(by_links))
 
 
 def decisions_of(X, n_motions):
@@ -128,16 +130,17 @@ def decisive(partitions, coefficients, prior):
     log_odds : float
         Infinite where there is nothing to tell apart.
     evidence : ndarray of shape (5,) or None
-        Of the two groups that are least apart where all are surest; None where that is
-        told by their links.
+        Of the two groups that are least apart in the best partition; None where that
+        is told by their links.
     """
-    best = -np.inf, None
-    for known, by_links in partitions:
+    decided = []
+    for step, known, by_links in partitions:
         odds = np.where(np.isnan(by_links), known @ coefficients + prior, by_links)
         k = odds.argmin()
         decides = known[k] if np.isnan(by_links[k]) else None
-        best = max(best, (odds[k], decides), key=lambda each: each[0])
-    return best if partitions else (np.inf, None)
+        decided.append((rank(step._replace(log_odds=odds[k])), odds[k], decides))
+    best = min(decided, key=lambda each: each[0], default=(None, np.inf, None))
+    return best[1:]
 
 
 def regression(decisions):

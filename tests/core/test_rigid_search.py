@@ -17,14 +17,13 @@ from skmotionseg._core.partition.rigid_search import (
     FEWEST_LINKS,
     MOST_CROSS,
     NATS_OF_CUT,
-    NATS_OF_DOUBT,
     NATS_OF_LABELS,
-    SURELY_ONE,
+    NATS_OF_ODDS,
+    SURE,
     RigidSearch,
     Step,
     _n_apart,
     _Pair,
-    _surest,
     calibrated_paths,
     evidence,
     rank,
@@ -108,8 +107,8 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     assert whole.distance > 2
 
 
-def test_halves_of_a_motion_without_links_are_in_doubt(scene):
-    """By its links, their distance says that they are two; their odds do not."""
+def test_halves_of_a_motion_without_links_are_likely_one(scene):
+    """By their links, their distance says that they are two; their odds do not."""
     points, visibility, affinity, y = scene
     background = np.flatnonzero(y == 0)
     x = np.nanmean(points[background], axis=1)[:, 0]
@@ -118,8 +117,7 @@ def test_halves_of_a_motion_without_links_are_in_doubt(scene):
     search = RigidSearch(Windows(points[background], visibility[background]), links)
     search.calibrate(labels)
     step = done(search, with_odds(search, done(search, search.settled(labels))))
-    assert step.distance > 0 > step.log_odds == step.certainty
-    assert rank(step) > rank(step._replace(certainty=step.distance))
+    assert step.distance > 0 > step.log_odds
 
 
 def test_outliers_in_groups_do_not_link_them(scene):
@@ -140,14 +138,22 @@ def test_outliers_in_groups_do_not_link_them(scene):
 
 def test_evidence_grows_with_all_that_tells_motions_apart():
     nothing = 0.0, 1.0, 0.0, 0.0, 0.0
-    least = evidence(*nothing)
-    assert_allclose(evidence(-1.0, *nothing[1:]), least)
+    least = evidence(20, *nothing)
+    assert_allclose(evidence(20, -1.0, *nothing[1:]), least)
     for k, value in enumerate([2, 0, 1, 1, 1]):
-        more = evidence(*nothing[:k], value, *nothing[k + 1 :]) - least
+        more = evidence(20, *nothing[:k], value, *nothing[k + 1 :]) - least
         assert more[k] > 0
         assert_allclose(np.delete(more, k), 0, atol=1e-12)
     known = 1.0, 1 - FEWEST_LINKS, 0.25, 0.5, 2.0
-    assert_allclose(evidence(*known), [np.log(2), 0, 0.5, 0.5, 2.0])
+    assert_allclose(
+        evidence(20, *known), [np.log(20) * np.log(2), 0, 0.5, 0.5, 2.0]
+    )
+
+
+def test_a_gain_says_more_of_two_large_groups_than_of_small_ones():
+    few, many = (evidence(size, 1.0, 1.0, 0, 0, 0) for size in (10, 100))
+    assert_allclose(many[0], 2 * few[0])
+    assert_allclose(evidence(100, 0.0, 1.0, 0, 0, 0), evidence(10, 0.0, 1.0, 0, 0, 0))
 
 
 def test_motions_are_apart_by_how_badly_either_explains_the_other(scene):
@@ -416,21 +422,6 @@ def test_the_largest_number_that_is_apart_is_taken(odds, fewest, most, expected)
     assert _n_apart(path, fewest, most) == expected
 
 
-def test_a_number_is_as_sure_as_in_the_surest_partition_that_is_nearly_as_good():
-    """The partition of least cost is returned, whichever confirms the number."""
-    labels = np.array([0, 0, 1, 1])
-    cheap = Step(10.0, 0.0, labels, [], (0, 1), log_odds=-1.0, distance=3.0)
-    sure = Step(11.0, 0.0, 1 - labels, [], (0, 1), log_odds=2.0, distance=3.0)
-    dear = Step(15.0, 0.0, 1 - labels, [], (0, 1), log_odds=4.0, distance=3.0)
-    for steps in ([cheap, sure, dear], [dear, sure, cheap]):
-        best = _surest(steps)
-        assert (best.energy, best.log_odds) == (10.0, 2.0)
-        np.testing.assert_array_equal(best.labels, labels)
-    assert _surest([cheap, dear]) == cheap
-    hardly_apart = cheap._replace(certainty=-4.0)
-    np.testing.assert_array_equal(_surest([hardly_apart, sure]).labels, sure.labels)
-
-
 def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
     """And those of a motion's own tracks are made larger by the parameters' part."""
     y, search = scene[-1], search_of(scene)
@@ -454,24 +445,28 @@ def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
     assert (windows.variances[np.concatenate(groups)] > 1.01).any()
 
 
-def test_partitions_cost_more_if_two_motions_are_hardly_apart():
-    def cost(certainty):
-        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], certainty=certainty))
+def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different():
+    def cost(log_odds):
+        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], log_odds=log_odds))
 
-    assert cost(np.inf) == cost(0.0) == 2
-    assert cost(-1.0) == 2 + NATS_OF_DOUBT
-    assert cost(-2.0) == 2 + 2 * NATS_OF_DOUBT
-    assert cost(-30.0) == cost(SURELY_ONE) > cost(-2.0)
+    assert cost(0.0) == 2
+    assert cost(-1.0) == 2 + NATS_OF_ODDS
+    assert cost(2.0) == 2 - 2 * NATS_OF_ODDS
+    assert cost(np.inf) == cost(SURE) < cost(2.0)
+    assert cost(-30.0) == cost(-SURE) > cost(-1.0)
 
 
 def test_partitions_cost_more_if_they_cut_links_or_labels_tell_much():
     """Of the same energy, the one that takes a few tracks from many is the best."""
     few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
-    cost = rank(Step(8.0, 0.0, few, []))
+    cost = rank(Step(8.0, 0.0, few, [], log_odds=0.0))
     shares = np.array([7, 1]) / 8
     assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
-    assert_allclose(rank(Step(8.0, 0.0, half, [])), 1 + NATS_OF_LABELS * np.log(2))
-    assert rank(Step(8.0, 0.25, few, [])) == pytest.approx(cost + NATS_OF_CUT / 4)
+    assert_allclose(
+        rank(Step(8.0, 0.0, half, [], log_odds=0.0)), 1 + NATS_OF_LABELS * np.log(2)
+    )
+    cutting = Step(8.0, 0.25, few, [], log_odds=0.0)
+    assert rank(cutting) == pytest.approx(cost + NATS_OF_CUT / 4)
 
 
 def test_links_are_compared_with_chance(scene):

@@ -35,6 +35,7 @@ from benchmarks.watching import rigid_searches
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry import description_length, epipolar
 from skmotionseg._core.partition import cost
+from skmotionseg._core.partition.rigid_search import Step
 from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
 
@@ -243,12 +244,14 @@ def test_mismatches_are_a_group_that_peers_must_find():
     assert two_view_peers._error(pair, one_kept) == pytest.approx(1 / 6)
 
 
-def partition(*evidence, by_links=None):
+def partition(*evidence, by_links=None, energy=0.0):
     links = np.full(len(evidence), np.nan) if by_links is None else by_links
-    return apartness.Partition(np.array(evidence, dtype=float), np.array(links))
+    step = Step(energy, 0.0, np.array([0, 1]), [])
+    return apartness.Partition(step, np.array(evidence, dtype=float), np.array(links))
 
 
-def test_a_number_is_decided_where_it_is_surest_by_those_least_apart():
+def test_a_number_is_decided_in_the_best_partition_by_those_least_apart():
+    """What is surer costs less."""
     weights = np.array([1.0, 0, 0, 0, 0])
     near, far = [1, 2, 3, 4, 5], [4, 0, 0, 0, 0]
     one, other = partition(far, near), partition(far, far)
@@ -256,6 +259,10 @@ def test_a_number_is_decided_where_it_is_surest_by_those_least_apart():
         log_odds, known = apartness.decisive(partitions, weights, -2.0)
         assert log_odds == 2
         np.testing.assert_array_equal(known, far)
+    dear = partition(far, far, energy=10.0)
+    log_odds, known = apartness.decisive([one, dear], weights, -2.0)
+    assert log_odds == -1
+    np.testing.assert_array_equal(known, near)
     by_links = partition(far, far, by_links=[np.nan, -1.0])
     assert apartness.decisive([by_links], weights, -2.0) == (-1, None)
     assert apartness.decisive([], weights, -2.0) == (np.inf, None)

@@ -45,16 +45,15 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
 # of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 1.6, 0.78, 4.5, 5.0
-CROSS_WEIGHT, PRIOR = 1.1, -6.6
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.73, 1.2, 4.4, 5.2
+CROSS_WEIGHT, PRIOR = 1.25, -7.55
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
 MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
-# Links over chance below which fewer say no more.
-FEWEST_LINKS = 0.01
-# Distances by one of two motions below which no joint motion is fitted, and which say
-# no more than this.
+# Links over chance below which fewer say no more: of the odds, and of the distance.
+FEWEST_LINKS, FEWEST_MERGING_LINKS = 0.06, 0.01
+# Distances by one of two motions below which no joint motion is fitted.
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
 MOST_GAIN = 5.0
@@ -71,14 +70,14 @@ MOST_COMPARED = 160
 MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
-# Partitions that cost up to so many nats per track more are nearly as good as another.
-NEARLY_AS_GOOD = 0.3
-# Nats per track that a partition costs beside its energy: for each by which distance or
-# log odds of two of its motions are below 0; if all links go to other motions; and for
+# Nats per track that a partition costs beside its energy: for each by which the log odds
+# of its motions being different are less; if all links go to other motions; and for
 # each nat that labels tell. By which partitions of simulated scenes are then the best.
-NATS_OF_DOUBT = 0.2
+NATS_OF_ODDS = 0.3
 NATS_OF_CUT = 4.0
 NATS_OF_LABELS = 0.5
+# Log odds above this, and below its negative, count as this.
+SURE = 4.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
@@ -95,6 +94,8 @@ class Apartness(NamedTuple):
         By which the two that are merged are chosen.
     joint : RigidMotion
         The motion that explains both best.
+    size : int
+        Tracks of the smaller.
     gain : float
         By how much worse it does than their own two (see ``_gain``).
     links : float
@@ -112,6 +113,7 @@ class Apartness(NamedTuple):
     log_odds: float
     distance: float
     joint: RigidMotion
+    size: int
     gain: float
     links: float
     far: float
@@ -140,14 +142,10 @@ class Step(NamedTuple):
     pair : (int, int) or None
         The two groups that are least apart, the smaller label first.
     log_odds : float
-        Of all groups being different motions: of the two that are likeliest one, and of
-        several partitions into as many that are nearly as good, where that is surest.
+        Of all groups being different motions: of the two that are likeliest one.
         Infinite where there is no pair.
     distance : float
         Of the two groups that are least apart.
-    certainty : float
-        The less of the distance and of its own log odds: how surely all groups are
-        different motions, at least.
     """
 
     energy: float
@@ -157,7 +155,6 @@ class Step(NamedTuple):
     pair: tuple[int, int] | None = None
     log_odds: float = np.inf
     distance: float = np.inf
-    certainty: float = np.inf
 
     @property
     def n_motions(self):
@@ -167,10 +164,7 @@ class Step(NamedTuple):
 def _with_odds_of(step, i, j, least):
     """A step with the two groups that are least apart, and their :class:`Apartness`."""
     return step._replace(
-        pair=(j, i),
-        log_odds=least.log_odds,
-        distance=least.distance,
-        certainty=min(least.log_odds, least.distance),
+        pair=(j, i), log_odds=least.log_odds, distance=least.distance
     )
 
 
@@ -537,7 +531,9 @@ class RigidSearch:
             far, hidden = infinitely_far(*placed), behind(*placed)
         cross = self._cross(pair)
         weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, CROSS_WEIGHT
-        log_odds = np.dot(weights, evidence(gain, links, far, hidden, cross)) + PRIOR
+        size = min(map(len, pair.groups))
+        known = evidence(size, gain, links, far, hidden, cross)
+        log_odds = np.dot(weights, known) + PRIOR
         distance = self._merging_distance(pair.groups, gain, far, hidden)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
@@ -545,6 +541,7 @@ class RigidSearch:
             float(log_odds),
             distance,
             joint,
+            size,
             float(gain),
             links,
             far,
@@ -554,7 +551,7 @@ class RigidSearch:
 
     def _merging_distance(self, groups, gain, far=0.0, hidden=0.0):
         """The distance of two groups, by which they are merged."""
-        few = _fewness(self._links(*groups))
+        few = _fewness(self._links(*groups), FEWEST_MERGING_LINKS)
         known = min(gain, MOST_GAIN), few, far, hidden
         return float(np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR)
 
@@ -635,24 +632,25 @@ class RigidSearch:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
-def evidence(gain, links, far, hidden, cross):
+def evidence(size, gain, links, far, hidden, cross):
     """What says that two groups are different motions: what :class:`Apartness` has.
 
     Returns
     -------
     ndarray of shape (5,)
-        The logarithm of one plus the gain, minus that of the links, the square root of
-        how clearly one of them is at infinity, how clearly one is behind the camera,
-        and how much worse either's motion explains the other: log odds are a sum of
-        these, each with its weight.
+        The logarithm of one plus the gain, times that of the size; minus the logarithm
+        of the links; the square root of how clearly one of the groups is at infinity;
+        how clearly one is behind the camera; and how much worse either's motion
+        explains the other. Log odds are a sum of these, each with its weight.
     """
-    gained, apart = np.log1p(max(gain, 0.0)), _fewness(links)
+    gained = np.log(size) * np.log1p(max(gain, 0.0))
+    apart = _fewness(links, FEWEST_LINKS)
     return np.array([gained, apart, np.sqrt(far), hidden, cross])
 
 
-def _fewness(links):
+def _fewness(links, fewest):
     """Minus the logarithm of links over chance, which are not told apart near none."""
-    return -np.log(links + FEWEST_LINKS)
+    return -np.log(links + fewest)
 
 
 def _telling(explained, group):
@@ -751,7 +749,7 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         if grown is None or grown.log_odds <= 0:
             break
         steps[chosen + 1] = found = best_into(chosen + 1, grown)
-        if found.log_odds <= 0:  # what was grown is not nearly as good
+        if found.log_odds <= 0:  # what was grown is not the best
             break
         chosen += 1
     return RigidPartitions(steps, chosen)
@@ -799,17 +797,15 @@ def rank(step):
 
     Tracks of no motion are many where there are outliers, and what parts them saves
     more than what parts two small motions. But it cuts links, and labels that part
-    many tracks tell more. Partitions also cost more if two motions are hardly apart, by
-    their distance or by their log odds: no link may join halves of a large background,
-    and then only the odds tell that they are one. Motions that are surely one cost the
-    same, however close they are.
+    many tracks tell more. Nor is one motion likely to explain two that are true, as it
+    explains halves of a background, whatever these save.
     """
-    doubt = -min(max(step.certainty, SURELY_ONE), 0.0)
+    odds = min(max(step.log_odds, -SURE), SURE)
     return (
         step.energy / len(step.labels)
         + NATS_OF_CUT * step.cut
         + NATS_OF_LABELS * _entropy(step.labels)
-        + NATS_OF_DOUBT * doubt
+        - NATS_OF_ODDS * odds
     )
 
 
@@ -856,23 +852,14 @@ def _of_number(search, n_motions, paths, candidates, bisect):
 def _best_improved(search, searches, bisect, others=()):
     """The best of some steps and those that are found, improved."""
     best = yield from _best(searches, others)
-    if best is None:
-        return None
-    return _surest([best, (yield from _improved(search, best, bisect))])
+    return None if best is None else (yield from _improved(search, best, bisect))
 
 
 def _best(searches, others=()):
     """The best of some steps and those that are found; None if there are none."""
     found = yield from side_by_side(searches)
     steps = [*others, *(each for each in found if each is not None)]
-    return _surest(steps) if steps else None
-
-
-def _surest(steps):
-    """The best of some steps, with the highest log odds of those nearly as good."""
-    best = min(steps, key=rank)
-    near = [step for step in steps if rank(step) <= rank(best) + NEARLY_AS_GOOD]
-    return best._replace(log_odds=max(map(_log_odds, near)))
+    return min(steps, key=rank, default=None)
 
 
 def _step_of(search, settled, accepted):
