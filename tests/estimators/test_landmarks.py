@@ -36,12 +36,13 @@ def test_a_small_motion_in_a_dense_scene_is_found():
 
 def test_outliers_have_no_more_landmarks_than_their_share(monkeypatch):
     scene = make_scene(
-        "dense_small", n_tracks=3000, n_motions=3, outliers=0.3, random_state=0
+        "dense_small", n_tracks=1200, n_motions=3, outliers=0.3, random_state=0
     )
     outliers = scene.target < 0
 
     def share():
-        segmenter = MotionSegmenter(3, n_hypotheses=50, random_state=0)
+        params = {"n_hypotheses": 50, "n_landmarks": 400, "random_state": 0}
+        segmenter = MotionSegmenter(3, **params)
         return outliers[segmenter.fit(scene.data).landmarks_].mean()
 
     assert share() < 2 / 3 * outliers.mean()
