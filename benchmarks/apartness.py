@@ -1,13 +1,14 @@
 """Log odds of two groups of tracks being different motions, from simulated scenes.
 
-The number of motions is the largest of which the best partition has groups that are all
-apart: the two that are least apart decide. So scenes are searched for partitions into as
-many motions as there are, where these two are apart, and into one more, where they are
-not. A logistic regression on what says that they are different motions
+The number of motions is the largest of which the best partition has groups that are
+all apart: the two that are least apart decide. So scenes are searched for partitions
+into as many motions as there are, where these two are apart, and into one more, where
+they are not. A logistic regression on what says that they are different motions
 (``skmotionseg._core.partition.rigid_search.evidence``) gives the constants of that
 module. Which partition is the best, and which two groups decide, depends on the
-constants, so it is repeated with those that decide by the constants of the last time. With ``--data DIR``, partitions of real
-sequences are told by the same constants, for comparison::
+constants, so it is repeated with those that decide by the constants of the last time.
+With ``--data DIR``, partitions of real sequences are told by the same constants, for
+comparison::
 
     python -m benchmarks.apartness --scenes 30 --jobs 2 --data DIR
 """

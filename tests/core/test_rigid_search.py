@@ -145,9 +145,7 @@ def test_evidence_grows_with_all_that_tells_motions_apart():
         assert more[k] > 0
         assert_allclose(np.delete(more, k), 0, atol=1e-12)
     known = 1.0, 1 - FEWEST_LINKS, 0.25, 0.5, 2.0
-    assert_allclose(
-        evidence(20, *known), [np.log(20) * np.log(2), 0, 0.5, 0.5, 2.0]
-    )
+    assert_allclose(evidence(20, *known), [np.log(20) * np.log(2), 0, 0.5, 0.5, 2.0])
 
 
 def test_a_gain_says_more_of_two_large_groups_than_of_small_ones():

@@ -70,9 +70,10 @@ MOST_COMPARED = 160
 MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
-# Nats per track that a partition costs beside its energy: for each by which the log odds
-# of its motions being different are less; if all links go to other motions; and for
-# each nat that labels tell. By which partitions of simulated scenes are then the best.
+# Nats per track that a partition costs beside its energy: for each unit by which the
+# log odds of its motions being different are less; if all links go to other motions;
+# and for each nat that labels tell. By which partitions of simulated scenes are then
+# the best.
 NATS_OF_ODDS = 0.3
 NATS_OF_CUT = 4.0
 NATS_OF_LABELS = 0.5
@@ -163,9 +164,7 @@ class Step(NamedTuple):
 
 def _with_odds_of(step, i, j, least):
     """A step with the two groups that are least apart, and their :class:`Apartness`."""
-    return step._replace(
-        pair=(j, i), log_odds=least.log_odds, distance=least.distance
-    )
+    return step._replace(pair=(j, i), log_odds=least.log_odds, distance=least.distance)
 
 
 class _Pair(NamedTuple):
