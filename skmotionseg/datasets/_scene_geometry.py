@@ -184,33 +184,47 @@ def in_facets(surface, n_facets, camera, rng):
     return facets
 
 
-def box(sides, eye=None):
-    """Points on the faces of a box about the origin, of those that face ``eye``."""
+def box(sides, eye):
+    """Points on faces of a box about the origin, as many as ``eye`` sees of each."""
     sides = np.asarray(sides, dtype=float)
+    areas = np.abs(eye) * sides.prod() / sides
 
     def surface(frames, rng):
         n = len(frames)
         points = rng.uniform(-0.5, 0.5, size=(n, 3))
-        areas = sides.prod() / sides
         axes = rng.choice(3, size=n, p=areas / areas.sum())
-        ends = rng.choice([-0.5, 0.5], size=n)
-        if eye is not None:  # the face of the two that looks this way
-            ends = np.where(eye[axes] > 0, 0.5, -0.5)
-        points[np.arange(n), axes] = ends
+        # The face of the two that looks this way.
+        points[np.arange(n), axes] = np.where(eye[axes] > 0, 0.5, -0.5)
         return points * sides
 
     return surface
 
 
-def blob(radii):
-    """Points on and below the skin of an ellipsoid about the origin."""
+def blob(radii, eye):
+    """Points on and below the skin of an ellipsoid, of the half that faces ``eye``."""
 
     def surface(frames, rng):
         points = rng.standard_normal((len(frames), 3))
         points /= np.linalg.norm(points, axis=1, keepdims=True)
-        return points * rng.uniform(0.7, 1.0, size=(len(frames), 1)) * radii
+        points = points * rng.uniform(0.7, 1.0, size=(len(frames), 1)) * radii
+        return np.where((points @ eye < 0)[:, None], -points, points)
 
     return surface
+
+
+def turned_to(surface, eye, towards):
+    """What faces ``eye`` faces ``towards`` instead, both (3,) of length 1.
+
+    It is seen in a mirror between the two, which is as good: shapes are drawn anyway.
+    """
+    gap = eye - towards
+    across = gap / max(np.linalg.norm(gap), 1e-12)
+
+    def turned(frames, rng):
+        points = surface(frames, rng)
+        return points - 2 * (points @ across)[:, None] * across
+
+    return turned
 
 
 def sheet(width, height):

@@ -26,6 +26,7 @@ from ._scene_geometry import (
     seen_from,
     sheet,
     smooth,
+    turned_to,
 )
 from ._scene_tracks import (
     bending,
@@ -229,7 +230,9 @@ def _thing(
         local += speed * rng.uniform(0, 2) * (wobble - wobble[middle])
         positions = local @ camera.rotations[middle].T + camera.positions[middle]
         rotations = camera.rotations[middle] @ rotation_matrices(steps[:, None] * turn)
-    return _as_thing(camera, rotations, positions, _surface(rng, radius, shape), radius)
+    eye = _eye(camera, rotations, positions)
+    surface = _surface(rng, radius, eye, shape)
+    return _as_thing(camera, rotations, positions, surface, radius)
 
 
 def _to_and_fro(camera, centre, reach, rng):
@@ -243,13 +246,27 @@ def _to_and_fro(camera, centre, reach, rng):
     return camera.rotations @ turned, positions
 
 
-def _surface(rng, radius, shape=None):
+def _eye(camera, rotations, positions):
+    """Where the camera is in the middle of the scene, as seen from a thing."""
+    middle = len(positions) // 2
+    eye = rotations[middle].T @ (camera.positions[middle] - positions[middle])
+    return eye / np.linalg.norm(eye)
+
+
+def _surface(rng, radius, eye, shape=None):
+    """Of a thing, what can be seen from ``eye``."""
     shape = rng.choice(["box", "blob"]) if shape is None else shape
     if shape == "box":
-        return box(2 * radius * rng.uniform(0.4, 1, size=3), eye=direction(rng))
+        facing = direction(rng)
+        sides = 2 * radius * rng.uniform(0.4, 1, size=3)
+        return turned_to(box(sides, facing), facing, eye)
     if shape == "sheet":
-        return sheet(2 * radius * rng.uniform(0.6, 1), 2 * radius)
-    return blob(radius * rng.uniform(0.5, 1, size=3))
+        return _sheet(rng, radius)
+    return blob(radius * rng.uniform(0.5, 1, size=3), eye)
+
+
+def _sheet(rng, radius):
+    return sheet(2 * radius * rng.uniform(0.6, 1), 2 * radius)
 
 
 def _as_thing(camera, rotations, positions, surface, radius):
@@ -307,8 +324,8 @@ def _car(settings, camera, rng, speed):
     positions = local @ yaw.T + camera.positions[middle]
     up = np.array([[0.0, 1.0, 0.0]])
     rotations = yaw @ rotation_matrices(headings[:, None] * up)
-    eye = rotations[middle].T @ (camera.positions[middle] - positions[middle])
-    return _as_thing(camera, rotations, positions, box(sides, eye), sides.max() / 2)
+    surface = box(sides, _eye(camera, rotations, positions))
+    return _as_thing(camera, rotations, positions, surface, sides.max() / 2)
 
 
 def _still(settings, rng):
@@ -382,7 +399,7 @@ def _planar(settings, rng):
         positions = start + steps[:, None] * velocity + wobble
         rate = np.radians(rng.normal(0, 1.0))
         spin = rotation_matrices(steps[:, None] * np.array([[0, 0, rate]]))
-        surface = _surface(rng, radius, "sheet")
+        surface = _sheet(rng, radius)
         return _as_thing(camera, axes @ spin, positions, surface, radius)
 
     return camera, in_view(camera, _plane(camera, normal, distance)), draw
@@ -421,7 +438,7 @@ def _articulated(settings, rng):
         angles = np.radians(rng.uniform(8, 35)) * (swing - swing[n_frames // 2])
         rotations = body.rotations @ rotation_matrices(angles)
         joint = body.positions + body.rotations @ (0.9 * body.radius * side)
-        limb = _surface(rng, length / 2)
+        limb = _surface(rng, length / 2, _eye(camera, rotations, joint))
 
         def surface(frames, rng):
             return limb(frames, rng) + side * length / 2
@@ -460,9 +477,11 @@ def _moved_about(settings, rng, angle, shift, astray):
         moves = shift * unit * rng.uniform(0.2, 1) * rng.standard_normal((n_frames, 3))
         moves *= [1, 0.7, 0.7]
         turns = np.radians(rng.uniform(3, angle)) * rng.standard_normal((n_frames, 3))
-        surface = _surface(rng, radius, rng.choice(["box", "blob", "sheet"]))
-        rotations = rotation_matrices(turns)
-        return _as_thing(camera, rotations, start + moves, surface, radius)
+        shape = rng.choice(["box", "blob", "sheet"])
+        rotations, positions = rotation_matrices(turns), start + moves
+        eye = _eye(camera, rotations, positions)
+        surface = _surface(rng, radius, eye, shape)
+        return _as_thing(camera, rotations, positions, surface, radius)
 
     return camera, draw
 

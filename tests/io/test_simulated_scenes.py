@@ -12,7 +12,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks import scene_statistics, scenes_bench
 from skmotionseg.datasets import make_scene, scene_families
-from skmotionseg.datasets._scene_geometry import Camera, Motion, misfits
+from skmotionseg.datasets._scene_geometry import (
+    Camera,
+    Motion,
+    blob,
+    box,
+    misfits,
+    turned_to,
+)
 from skmotionseg.datasets._scene_tracks import lifetimes, tracker_noise, with_gaps
 
 SMALL = {"n_tracks": (60, 150)}
@@ -185,6 +192,57 @@ def test_what_stands_still_consists_of_flat_pieces():
 def moved_by(H, points):
     moved = np.column_stack([points / 500, np.ones(len(points))]) @ H.T
     return 500 * moved[:, :2] / moved[:, 2:]
+
+
+def points_of(surface, n=4000):
+    return surface(np.zeros(n, dtype=int), np.random.RandomState(0))
+
+
+def test_a_box_shows_the_faces_that_look_this_way_as_large_as_they_seem():
+    sides, eye = np.array([1.0, 2.0, 4.0]), np.array([0.6, 0.0, -0.8])
+    on_face = np.isclose(points_of(box(sides, eye)), sides / 2 * np.sign(eye))
+    seen = np.array([2 * 4 * 0.6, 0, 1 * 2 * 0.8])  # area times cosine
+    assert_array_equal(on_face.sum(axis=1), 1)
+    assert_allclose(on_face.mean(axis=0), seen / seen.sum(), atol=0.02)
+
+
+def test_of_a_blob_only_the_front_is_there():
+    radii, eye = np.array([1.0, 0.5, 0.7]), np.array([0.0, 0.6, 0.8])
+    points = points_of(blob(radii, eye))
+    assert (points @ eye >= 0).all()
+    assert (np.linalg.norm(points / radii, axis=1) <= 1 + 1e-12).all()
+
+
+def test_a_thing_is_turned_to_what_looks_at_it():
+    eye, towards = np.array([0.6, 0.0, -0.8]), np.array([0.0, 1.0, 0.0])
+    surface = box([1.0, 2.0, 4.0], eye)
+    before, after = points_of(surface), points_of(turned_to(surface, eye, towards))
+    assert_allclose(after @ towards, before @ eye)
+    assert_allclose(after @ after[:50].T, before @ before[:50].T, atol=1e-12)
+    assert_array_equal(points_of(turned_to(surface, eye, eye)), before)
+
+
+def points_seen(scene, label):
+    """Points (n, 3) of a motion, in its own coordinates, by their noiseless images."""
+    rays = places(scene.truth[scene.target == label]) - scene.image_size / 2
+    rays = np.dstack([rays / scene.focal, np.ones(rays.shape[:2])])
+    points = []
+    for track in rays:
+        seen = np.isfinite(track[:, 0])
+        across = np.cross(track[seen, :, None], np.eye(3)[None], axis=1)
+        A = across.swapaxes(1, 2) @ scene.rotations[label][seen]
+        b = -across.swapaxes(1, 2) @ scene.translations[label][seen, :, None]
+        points.append(np.linalg.lstsq(A.reshape(-1, 3), b.ravel(), rcond=None)[0])
+    return np.array(points)
+
+
+@pytest.mark.parametrize("family", ["table", "hand_held", "crowd", "street"])
+def test_things_show_the_side_that_faces_the_camera(family):
+    scene = scene_of(family, n_motions=3, outliers=0.0, distortion=0.0, n_frames=12)
+    for label in set(range(3)) - {scene.background}:
+        rotation, centre = scene.rotations[label][6], scene.translations[label][6]
+        eye = -rotation.T @ centre / np.linalg.norm(centre)
+        assert (points_seen(scene, label) @ eye > 0).mean() > 0.7
 
 
 def test_most_scenes_have_flat_pieces():
