@@ -16,8 +16,6 @@ from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
     MOST_CROSS,
-    NATS_OF_CUT,
-    NATS_OF_LABELS,
     NATS_OF_ODDS,
     SURE,
     RigidSearch,
@@ -86,7 +84,6 @@ def test_settling_mends_labels_and_never_costs_more(scene):
     labels, motions = settled.labels, settled.motions
     assert settled.energy <= before
     assert settled.energy == pytest.approx(search.energy(labels, motions))
-    assert settled.cut == pytest.approx(search.terms(labels, motions)[0])
     assert misclassification_error(y, labels) < 0.03
 
 
@@ -146,6 +143,11 @@ def test_evidence_grows_with_all_that_tells_motions_apart():
         assert_allclose(np.delete(more, k), 0, atol=1e-12)
     known = 1.0, 1 - FEWEST_LINKS, 0.25, 0.5, 2.0
     assert_allclose(evidence(20, *known), [np.log(20) * np.log(2), 0, 0.5, 0.5, 2.0])
+
+
+def test_more_links_than_by_chance_say_no_more():
+    by_chance, many = (evidence(20, 1.0, links, 0, 0, 0) for links in (1.0, 30.0))
+    assert_allclose(many, by_chance)
 
 
 def test_a_gain_says_more_of_two_large_groups_than_of_small_ones():
@@ -445,7 +447,7 @@ def test_the_gain_is_of_deviations_that_are_not_relative_to_speed(scene):
 
 def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different():
     def cost(log_odds):
-        return rank(Step(8.0, 0.0, np.zeros(4, dtype=int), [], log_odds=log_odds))
+        return rank(Step(8.0, np.zeros(4, dtype=int), [], log_odds=log_odds))
 
     assert cost(0.0) == 2
     assert cost(-1.0) == 2 + NATS_OF_ODDS
@@ -454,17 +456,13 @@ def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different()
     assert cost(-30.0) == cost(-SURE) > cost(-1.0)
 
 
-def test_partitions_cost_more_if_they_cut_links_or_labels_tell_much():
+def test_partitions_cost_more_if_labels_tell_much():
     """Of the same energy, the one that takes a few tracks from many is the best."""
     few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
-    cost = rank(Step(8.0, 0.0, few, [], log_odds=0.0))
+    cost = rank(Step(8.0, few, [], log_odds=0.0))
     shares = np.array([7, 1]) / 8
-    assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
-    assert_allclose(
-        rank(Step(8.0, 0.0, half, [], log_odds=0.0)), 1 + NATS_OF_LABELS * np.log(2)
-    )
-    cutting = Step(8.0, 0.25, few, [], log_odds=0.0)
-    assert rank(cutting) == pytest.approx(cost + NATS_OF_CUT / 4)
+    assert cost == pytest.approx(1 - shares @ np.log(shares))
+    assert_allclose(rank(Step(8.0, half, [], log_odds=0.0)), 1 + np.log(2))
 
 
 def test_links_are_compared_with_chance(scene):

@@ -129,11 +129,11 @@ def test_refinement_never_raises_the_cost(counts, seed):
 def test_of_two_similar_motions_the_smaller_may_be_a_part(larger, smaller):
     sizes = np.full(3, 6)
     sizes[[larger, smaller]] = 9, 7
-    step = Step(0.0, 0.0, np.repeat(range(3), sizes), [], (0, 2), np.log(4))
+    step = Step(0.0, np.repeat(range(3), sizes), [], (0, 2), np.log(4))
     expected = np.ones(3)
     expected[smaller] = 0.8
     assert_allclose(_distinct(step), expected)
-    assert_allclose(_distinct(Step(0.0, 0.0, np.zeros(5, dtype=int), [])), [1])
+    assert_allclose(_distinct(Step(0.0, np.zeros(5, dtype=int), [])), [1])
 
 
 def torn_scene():
@@ -254,9 +254,9 @@ def test_tracks_of_two_images_without_affinity_have_no_label():
 def test_costs_of_rigid_motions_and_which_are_distinct():
     labels = np.repeat([0, 1, 2], [7, 3, 2])
     steps = {
-        1: Step(0.0, 0.0, np.zeros(12, dtype=int), ["a"]),
-        2: Step(0.0, 0.0, np.minimum(labels, 1), ["a", "b"], (0, 1), np.log(3)),
-        3: Step(0.0, 0.0, labels, ["a", "b", "c"], (1, 2), -np.log(4)),
+        1: Step(0.0, np.zeros(12, dtype=int), ["a"]),
+        2: Step(0.0, np.minimum(labels, 1), ["a", "b"], (0, 1), np.log(3)),
+        3: Step(0.0, labels, ["a", "b", "c"], (1, 2), -np.log(4)),
     }
     terms = {1: (0.0, 5.0), 2: (0.1, 2.0), 3: (0.25, 1.5)}
     search = SimpleNamespace(

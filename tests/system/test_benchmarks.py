@@ -246,7 +246,7 @@ def test_mismatches_are_a_group_that_peers_must_find():
 
 def partition(*evidence, by_links=None, energy=0.0):
     links = np.full(len(evidence), np.nan) if by_links is None else by_links
-    step = Step(energy, 0.0, np.array([0, 1]), [])
+    step = Step(energy, np.array([0, 1]), [])
     return apartness.Partition(step, np.array(evidence, dtype=float), np.array(links))
 
 

@@ -45,8 +45,8 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
 # of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.73, 1.2, 4.4, 5.2
-CROSS_WEIGHT, PRIOR = 1.25, -7.55
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.81, 1.39, 6.1, 7.6
+CROSS_WEIGHT, PRIOR = 1.46, -9.08
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
@@ -70,13 +70,10 @@ MOST_COMPARED = 160
 MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
-# Nats per track that a partition costs beside its energy: for each unit by which the
-# log odds of its motions being different are less; if all links go to other motions;
-# and for each nat that labels tell. By which partitions of simulated scenes are then
+# Nats per track that a partition costs for each unit by which the log odds of its
+# motions being different are less. By which partitions of simulated scenes are then
 # the best.
 NATS_OF_ODDS = 0.3
-NATS_OF_CUT = 4.0
-NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
@@ -136,8 +133,6 @@ class Step(NamedTuple):
     Attributes
     ----------
     energy : float
-    cut : float
-        Share of the links that go to other motions.
     labels : ndarray of int, shape (n,)
     motions : list of RigidMotion
     pair : (int, int) or None
@@ -150,7 +145,6 @@ class Step(NamedTuple):
     """
 
     energy: float
-    cut: float
     labels: np.ndarray
     motions: list
     pair: tuple[int, int] | None = None
@@ -648,8 +642,12 @@ def evidence(size, gain, links, far, hidden, cross):
 
 
 def _fewness(links, fewest):
-    """Minus the logarithm of links over chance, which are not told apart near none."""
-    return -np.log(links + fewest)
+    """Minus the logarithm of links over chance, not told apart near none and above it.
+
+    More than by chance say no more: two small motions of which some tracks are linked
+    have many times as many, halves of a large one hardly twice as many.
+    """
+    return -np.log(min(links, 1.0) + fewest)
 
 
 def _telling(explained, group):
@@ -664,7 +662,7 @@ def _links_of(affinity):
 
 def _step(labels, motions, costs, linked):
     cut, nats = _terms(labels, costs, linked)
-    return Step(_energy(cut, nats, len(labels)), cut, labels, motions)
+    return Step(_energy(cut, nats, len(labels)), labels, motions)
 
 
 def _energy(cut, nats, n_tracks):
@@ -795,17 +793,13 @@ def rank(step):
     """What a partition costs when partitions into as many are compared: nats per track.
 
     Tracks of no motion are many where there are outliers, and what parts them saves
-    more than what parts two small motions. But it cuts links, and labels that part
-    many tracks tell more. Nor is one motion likely to explain two that are true, as it
-    explains halves of a background, whatever these save.
+    more than what parts two small motions. But labels that part many tracks tell more.
+    Nor is one motion likely to explain two that are true, as it explains halves of a
+    background, whatever these save.
     """
     odds = min(max(step.log_odds, -SURE), SURE)
-    return (
-        step.energy / len(step.labels)
-        + NATS_OF_CUT * step.cut
-        + NATS_OF_LABELS * _entropy(step.labels)
-        - NATS_OF_ODDS * odds
-    )
+    nats = step.energy / len(step.labels) + _entropy(step.labels)
+    return nats - NATS_OF_ODDS * odds
 
 
 def _entropy(labels):
