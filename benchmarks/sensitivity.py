@@ -116,6 +116,7 @@ CONSTANTS = (
     Constant("_core.partition.rigid_search", "MERGING_WEIGHTS"),
     Constant("_core.partition.rigid_search", "MERGING_PRIOR"),
     Constant("_core.partition.rigid_search", "NATS_OF_ODDS"),
+    Constant("_core.partition.rigid_search", "NATS_OF_LABELS"),
     Constant("_core.partition.cost", "CUT_WEIGHT"),
     Constant("_core.partition.cost", "GAIN_OF_CUT"),
     Constant("_core.partition.search", "SPARSITIES"),

@@ -16,6 +16,7 @@ from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
     MOST_CROSS,
+    NATS_OF_LABELS,
     NATS_OF_ODDS,
     SURE,
     RigidSearch,
@@ -461,8 +462,10 @@ def test_partitions_cost_more_if_labels_tell_much():
     few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
     cost = rank(Step(8.0, few, [], log_odds=0.0))
     shares = np.array([7, 1]) / 8
-    assert cost == pytest.approx(1 - shares @ np.log(shares))
-    assert_allclose(rank(Step(8.0, half, [], log_odds=0.0)), 1 + np.log(2))
+    assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
+    assert_allclose(
+        rank(Step(8.0, half, [], log_odds=0.0)), 1 + NATS_OF_LABELS * np.log(2)
+    )
 
 
 def test_links_are_compared_with_chance(scene):

@@ -45,8 +45,8 @@ NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
 # of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.81, 1.39, 6.1, 7.6
-CROSS_WEIGHT, PRIOR = 1.46, -9.08
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.72, 1.3, 5.15, 2.4
+CROSS_WEIGHT, PRIOR = 1.36, -8.46
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
@@ -70,10 +70,11 @@ MOST_COMPARED = 160
 MOST_CHANGES = 5
 # Rounds of assigning and fitting that a partition is settled in, at most.
 ROUNDS = 6
-# Nats per track that a partition costs for each unit by which the log odds of its
-# motions being different are less. By which partitions of simulated scenes are then
-# the best.
+# Nats per track that a partition costs beside its energy: for each unit by which the
+# log odds of its motions being different are less, and for each nat that labels tell.
+# By which partitions of simulated scenes are then the best.
 NATS_OF_ODDS = 0.3
+NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
@@ -798,8 +799,11 @@ def rank(step):
     background, whatever these save.
     """
     odds = min(max(step.log_odds, -SURE), SURE)
-    nats = step.energy / len(step.labels) + _entropy(step.labels)
-    return nats - NATS_OF_ODDS * odds
+    return (
+        step.energy / len(step.labels)
+        + NATS_OF_LABELS * _entropy(step.labels)
+        - NATS_OF_ODDS * odds
+    )
 
 
 def _entropy(labels):
