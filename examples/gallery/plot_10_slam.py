@@ -22,8 +22,9 @@ street = make_scene(
     n_motions=4,
     background=0.42,
     outliers=0.05,
+    late=0.9,
     life=60,
-    random_state=1,
+    random_state=5,
 )
 points, seen = unpack_tracks(street.data)
 n_frames = seen.shape[1]
