@@ -5,9 +5,10 @@
 
 Constants are set on the scenes with even seeds (``--half tune``) and reported on those
 with odd ones (``--half report``). Only scenes whose true motions tell the tracks apart
-are judged (``--separation``), and each family has as many of them. They have a few
-hundred tracks; with more (``--tracks``), landmarks are what is judged. Another program
-calls :func:`run` with an estimator of its own.
+are judged (``--separation``), and which show enough tracks of each motion at a time to
+find it by (``--together``); each family has as many of them. They have a few hundred
+tracks; with more (``--tracks``), landmarks are what is judged. Another program calls
+:func:`run` with an estimator of its own.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ import numpy as np
 from joblib import Parallel, delayed
 from sklearn.utils import Bunch
 
-from skmotionseg import MotionSegmenter
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core.labels import groups_of
 from skmotionseg.datasets import make_scene, scene_families
 from skmotionseg.metrics import misclassification_error
 
@@ -32,6 +34,9 @@ from . import report
 HALVES = {"tune": 0, "report": 1}  # remainder of the seed
 SEPARATION = 0.98
 WORST_SEPARATION = 0.9  # of the motion that is hardest to tell from the others
+# Tracks of each motion that are seen in the same frame: five determine how a rigid body
+# moves between two images, so that one more can agree with them.
+TOGETHER = 6
 # Tracks and frames (low, high) with which a scene takes about a second.
 LIMITS = {
     name: {"n_tracks": (60, 250), "n_frames": (8, 20)} for name in scene_families()
@@ -53,9 +58,13 @@ def default_segmenter(n_motions, seed):
 
 
 def scenes_of(
-    family: str, half: str = "tune", separation: float = SEPARATION, **overrides
+    family: str,
+    half: str = "tune",
+    separation: float = SEPARATION,
+    together: int = TOGETHER,
+    **overrides,
 ) -> Iterator[Bunch]:
-    """Scenes of a half, without end, that their true motions tell apart.
+    """Scenes of a half, without end, in which the true motions can be found.
 
     Parameters
     ----------
@@ -64,6 +73,8 @@ def scenes_of(
     separation : float
         Least share of tracks that their own motion explains best; of each motion,
         nine in ten must be.
+    together : int
+        Tracks of each motion that some frame must show.
     **overrides
         For ``make_scene``, instead of ``LIMITS``.
 
@@ -77,9 +88,17 @@ def scenes_of(
     for seed in count(HALVES[half], 2):
         scene = make_scene(family, random_state=seed, **(LIMITS[family] | overrides))
         worst = min(scene.separations)
-        if scene.separation >= separation and worst >= WORST_SEPARATION:
+        apart = scene.separation >= separation and worst >= WORST_SEPARATION
+        if apart and _most_together(scene) >= together:
             scene.seed = seed
             yield scene
+
+
+def _most_together(scene):
+    """Tracks in the frame that shows most of a motion's; of the motion with fewest."""
+    seen = unpack_tracks(scene.data)[1]
+    shown = [seen[group].sum(axis=0) for group in groups_of(scene.target)]
+    return min(each.max() for each in shown)
 
 
 def judge(scene, factory, known=True, unknown=True):
@@ -134,6 +153,7 @@ def run(
     known: bool = True,
     unknown: bool = True,
     separation: float = SEPARATION,
+    together: int = TOGETHER,
     n_jobs: int | None = 1,
     progress: Callable | None = None,
     overrides: dict | None = None,
@@ -151,8 +171,8 @@ def run(
     half : {"tune", "report"}
     known, unknown : bool
         Whether to run with the number of motions given, and with "auto".
-    separation : float
-        Of the scenes that are judged.
+    separation, together
+        Of the scenes that are judged (see :func:`scenes_of`).
     n_jobs : int or None
         Scenes at a time.
     progress : callable, optional
@@ -168,7 +188,7 @@ def run(
     rows = []
     with Parallel(n_jobs=n_jobs) as parallel:
         for family in families or scene_families():
-            scenes = scenes_of(family, half, separation, **(overrides or {}))
+            scenes = scenes_of(family, half, separation, together, **(overrides or {}))
             of_family = parallel(
                 delayed(judge)(scene, factory, known, unknown)
                 for scene in islice(scenes, n_scenes)
@@ -233,6 +253,7 @@ def _parser():
     add("--half", choices=tuple(HALVES), default="tune")
     add("--families", nargs="+", choices=scene_families(), default=scene_families())
     add("--separation", type=float, default=SEPARATION)
+    add("--together", type=int, default=TOGETHER, help="tracks of each motion")
     add("--tracks", type=int, nargs=2, metavar=("LOW", "HIGH"), help="of a scene")
     add("--jobs", type=int, default=1, help="scenes at a time")
     add("--known", action="store_true", help="only with the number of motions given")
@@ -253,6 +274,7 @@ def main(arguments=None):
         known=both or arguments.known,
         unknown=both or arguments.unknown,
         separation=arguments.separation,
+        together=arguments.together,
         n_jobs=arguments.jobs,
         progress=lambda rows: show_line(summarise(rows)),
         overrides={"n_tracks": tuple(arguments.tracks)} if arguments.tracks else None,

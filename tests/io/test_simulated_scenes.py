@@ -11,6 +11,7 @@ from helpers.textbook import fit_homography
 from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks import scene_statistics, scenes_bench
+from skmotionseg import unpack_tracks
 from skmotionseg.datasets import make_scene, scene_families
 from skmotionseg.datasets._scene_geometry import (
     Camera,
@@ -441,6 +442,18 @@ def test_halves_share_no_scene():
     assert not halves[0] & halves[1]
     with pytest.raises(ValueError, match=r"half must be one of .*; got 'both'"):
         next(scenes_bench.scenes_of("table", "both"))
+
+
+def test_some_frame_shows_enough_tracks_of_each_motion():
+    def shown(together):
+        scenes = scenes_bench.scenes_of("long", together=together, n_frames=60)
+        for scene in islice(scenes, 5):
+            seen = unpack_tracks(scene.data)[1]
+            groups = [scene.target == motion for motion in range(scene.n_motions)]
+            yield min(seen[group].sum(axis=0).max() for group in groups)
+
+    assert min(shown(6)) >= 6
+    assert min(shown(0)) < 6
 
 
 def test_failures_are_counted_and_the_rest_goes_on(capsys):
