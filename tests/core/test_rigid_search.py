@@ -361,6 +361,23 @@ def test_a_number_that_a_bad_partition_confirms_does_not_hold(
     assert found.steps[right + 1].log_odds <= 0
 
 
+@pytest.mark.parametrize(("odds", "expected"), [(-1.0, 3), (-SURE, 1)])
+def test_a_number_is_sought_behind_one_that_hardly_holds(
+    scene, any_number, monkeypatch, odds, expected
+):
+    """Unless it is sure that there are not as many as that one."""
+    assert any_number.chosen == 3
+    improved = module._best_improved
+
+    def doubted(*args):
+        best = yield from improved(*args)
+        return best._replace(log_odds=odds) if best.n_motions == 2 else best
+
+    monkeypatch.setattr(module, "_best_improved", doubted)
+    monkeypatch.setattr(module, "_n_apart", lambda *_: 1)
+    assert found_in(scene, ANY_NUMBER).chosen == expected
+
+
 def test_the_number_that_is_asked_for_is_kept(scene):
     for count in (2, scene[-1].max() + 1):
         found = found_in(scene, np.array([count]))

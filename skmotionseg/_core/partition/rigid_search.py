@@ -79,6 +79,10 @@ NATS_OF_ODDS = 0.3
 NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
+# Numbers of motions beyond the one chosen so far for which the best partition is sought,
+# unless it is sure that there are not as many: where two motions are missing, tracks of
+# both are mixed until both are there.
+LOOKAHEAD = 2
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
@@ -744,14 +748,17 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         if chosen == fewest or found.log_odds > 0:
             break
         chosen -= 1
-    while chosen < most:
-        (grown,) = search.run(_split_best(search, steps[chosen], bisect))
-        if grown is None or grown.log_odds <= 0:
+    tried = chosen
+    while tried < min(chosen + LOOKAHEAD, most):
+        (grown,) = search.run(_split_best(search, steps[tried], bisect))
+        if grown is None or grown.log_odds <= -SURE:
             break
-        steps[chosen + 1] = found = best_into(chosen + 1, grown)
-        if found.log_odds <= 0:  # what was grown is not the best
+        tried += 1
+        steps[tried] = found = best_into(tried, grown)
+        if found.log_odds > 0:
+            chosen = tried
+        elif found.log_odds <= -SURE:
             break
-        chosen += 1
     return RigidPartitions(steps, chosen)
 
 
