@@ -79,9 +79,9 @@ NATS_OF_ODDS = 0.3
 NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
-# Numbers of motions beyond the one chosen so far for which the best partition is sought,
-# unless it is sure that there are not as many: where two motions are missing, tracks of
-# both are mixed until both are there.
+# Numbers of motions beyond the one chosen so far whose best partitions are sought unless
+# there are surely not as many: where two motions are missing, what belongs to both is
+# mixed until both are there.
 LOOKAHEAD = 2
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
