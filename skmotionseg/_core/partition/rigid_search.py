@@ -79,9 +79,9 @@ NATS_OF_ODDS = 0.3
 NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
-# Numbers of motions beyond the one chosen so far whose best partitions are sought unless
-# there are surely not as many: where two motions are missing, what belongs to both is
-# mixed until both are there.
+# Numbers of motions beyond the one chosen so far that are searched, too, unless there
+# are surely not as many: where two are missing, their tracks are mixed until both are
+# there.
 LOOKAHEAD = 2
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
@@ -706,7 +706,7 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
 
     The number of motions is the largest of which a partition is found whose motions
     are all likelier different than one; its partition is the best of so many that are
-    met, as if the number had been given.
+    met, as if the number had been given. So are those of the numbers next to it.
 
     Parameters
     ----------
