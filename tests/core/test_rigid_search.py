@@ -15,6 +15,7 @@ from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
     BEHIND_WEIGHT,
     FEWEST_LINKS,
+    HOPELESS,
     MOST_CROSS,
     NATS_OF_LABELS,
     NATS_OF_ODDS,
@@ -361,7 +362,7 @@ def test_a_number_that_a_bad_partition_confirms_does_not_hold(
     assert found.steps[right + 1].log_odds <= 0
 
 
-@pytest.mark.parametrize(("odds", "expected"), [(-1.0, 3), (-SURE, 1)])
+@pytest.mark.parametrize(("odds", "expected"), [(-1.0, 3), (HOPELESS - 0.1, 1)])
 def test_a_number_is_sought_behind_one_that_hardly_holds(
     scene, any_number, monkeypatch, odds, expected
 ):

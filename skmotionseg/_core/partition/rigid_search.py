@@ -79,10 +79,10 @@ NATS_OF_ODDS = 0.3
 NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
-# Numbers of motions beyond the one chosen so far that are searched, too, unless there
-# are surely not as many: where two are missing, their tracks are mixed until both are
-# there.
-LOOKAHEAD = 2
+# Numbers of motions beyond the one chosen so far that are searched, too, unless log odds
+# say that there are hardly as many (one in twenty): where two are missing, their tracks
+# are mixed until both are there.
+LOOKAHEAD, HOPELESS = 2, -3.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
 # Inliers are within so many scales.
@@ -751,13 +751,13 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     tried = chosen
     while tried < min(chosen + LOOKAHEAD, most):
         (grown,) = search.run(_split_best(search, steps[tried], bisect))
-        if grown is None or grown.log_odds <= -SURE:
+        if grown is None or grown.log_odds < HOPELESS:
             break
         tried += 1
         steps[tried] = found = best_into(tried, grown)
         if found.log_odds > 0:
             chosen = tried
-        elif found.log_odds <= -SURE:
+        elif found.log_odds < HOPELESS:
             break
     return RigidPartitions(steps, chosen)
 
