@@ -79,8 +79,8 @@ NATS_OF_ODDS = 0.3
 NATS_OF_LABELS = 0.5
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
-# Numbers of motions beyond the one chosen so far that are searched, too, unless log odds
-# say that there are hardly as many (one in twenty): where two are missing, their tracks
+# Numbers of motions beyond the one chosen so far that are searched, too, unless by the
+# log odds there are hardly as many (one in twenty): where two are missing, their tracks
 # are mixed until both are there.
 LOOKAHEAD, HOPELESS = 2, -3.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
