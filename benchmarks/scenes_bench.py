@@ -97,8 +97,7 @@ def scenes_of(
 def _most_together(scene):
     """Tracks in the frame that shows most of a motion's; of the motion with fewest."""
     seen = unpack_tracks(scene.data)[1]
-    shown = [seen[group].sum(axis=0) for group in groups_of(scene.target)]
-    return min(each.max() for each in shown)
+    return min(seen[group].sum(axis=0).max() for group in groups_of(scene.target))
 
 
 def judge(scene, factory, known=True, unknown=True):
@@ -253,7 +252,7 @@ def _parser():
     add("--half", choices=tuple(HALVES), default="tune")
     add("--families", nargs="+", choices=scene_families(), default=scene_families())
     add("--separation", type=float, default=SEPARATION)
-    add("--together", type=int, default=TOGETHER, help="tracks of each motion")
+    add("--together", type=int, default=TOGETHER, help="in some frame, of each motion")
     add("--tracks", type=int, nargs=2, metavar=("LOW", "HIGH"), help="of a scene")
     add("--jobs", type=int, default=1, help="scenes at a time")
     add("--known", action="store_true", help="only with the number of motions given")
