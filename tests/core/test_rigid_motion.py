@@ -248,3 +248,23 @@ def test_residuals_do_not_depend_on_how_many_are_found_at_a_time(
     at_once = squared_residuals(x[2], seen[2], poses)
     monkeypatch.setattr(rigid_motion, "SIZE_OF_BLOCK", 9)
     assert_allclose(squared_residuals(x[2], seen[2], poses), at_once, rtol=1e-9)
+
+
+def test_a_start_found_by_some_tracks_is_fitted_to_all():
+    rng = np.random.RandomState(6)
+    tracks = [scene(rng, n=90)[0] for _ in range(2)]
+    x = np.stack(tracks)
+    seen, weights = np.ones(x.shape[:3], dtype=bool), np.ones(x.shape[:2])
+    weights[0, ::2] = 0  # those that do not count are none of the forty
+    problem = x, seen, weights, np.full(2, 1e-5), REFERENCE
+    by_all = fit_rigid_motions(*problem)
+    by_some = fit_rigid_motions(*problem, most_started=40)
+    for k in range(2):
+        expected, found = (
+            squared_residuals(
+                x[k], seen[k], Poses(*(each[k : k + 1] for each in poses))
+            )
+            for poses in (by_all, by_some)
+        )
+        counted = weights[k] > 0
+        assert_allclose(found[0, counted].sum(), expected[0, counted].sum(), rtol=1e-3)

@@ -177,6 +177,8 @@ def solve_three(matrix, right):
 
 def lower_medians(values, counted):
     """Lower medians over the last axis of what counts; infinite where nothing does."""
-    values = np.sort(np.where(counted, values, np.inf), axis=-1)
-    middle = np.maximum(np.broadcast_to(counted, values.shape).sum(axis=-1) - 1, 0) // 2
-    return np.take_along_axis(values, middle[..., None], -1)[..., 0]
+    values = np.where(counted, values, np.inf)
+    values.sort(axis=-1)
+    middle = np.maximum(counted.sum(axis=-1) - 1, 0) // 2
+    middle = np.broadcast_to(middle, values.shape[:-1])[..., None]
+    return np.take_along_axis(values, middle, -1)[..., 0]

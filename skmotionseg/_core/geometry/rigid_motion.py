@@ -37,7 +37,7 @@ from .starts import N_STARTS, starting_motions
 # Iterations from each start and from the best.
 FIRST_ITERATIONS, LAST_ITERATIONS = 4, 8
 # Nats: a step that changes the cost by less is the last.
-CONVERGED = 0.01
+CONVERGED = 0.1
 # Degrees of freedom of the Student-t distribution of a track's residuals.
 FREEDOM = 3.0
 # A standard deviation over the median of residuals is about this.
@@ -93,7 +93,7 @@ class _State(NamedTuple):
         return [(slice(None), some)] * 2 + [(..., some, slice(None))] * 6
 
 
-def fit_rigid_motions(x, seen, weights, floor, reference):
+def fit_rigid_motions(x, seen, weights, floor, reference, most_started=None):
     """Fit the poses of groups of tracks, from several starts.
 
     Parameters
@@ -107,20 +107,43 @@ def fit_rigid_motions(x, seen, weights, floor, reference):
         Least standard deviation of the residuals, in calibrated coordinates.
     reference : int or ndarray of shape (B,)
         Frame in which depths are measured; its pose is the identity.
+    most_started : int, optional
+        Tracks by which the best start is found; all, if not given. It takes most of the
+        time, and the best is then fitted to all of them.
 
     Returns
     -------
     Poses
     """
     problems = observed(x, seen, weights, floor, reference)
-    repeated = problems.of(np.repeat(np.arange(len(x)), N_STARTS))
+    if most_started is None or most_started >= seen.shape[1]:
+        start = _best_started(problems)
+    else:
+        some = observed(*_some_tracks(x, seen, weights, most_started), floor, reference)
+        start = _state_of(problems, _poses(some, _best_started(some)))
+    return _poses(problems, _minimise(problems, start, LAST_ITERATIONS))
+
+
+def _best_started(problems):
+    """The best state (B) after a few iterations from several starts."""
+    n_problems = len(problems.weights)
+    repeated = problems.of(np.repeat(np.arange(n_problems), N_STARTS))
     state = _state(repeated, *starting_motions(problems, repeated))
     state = _minimise(repeated, state, FIRST_ITERATIONS)
     # Compared at one scale per problem, the least of its starts'.
     scale = _scale(repeated, state).reshape(-1, N_STARTS).min(axis=1)
     costs = _cost(repeated, state, np.repeat(scale, N_STARTS)[:, None])
-    best = costs.reshape(-1, N_STARTS).argmin(axis=1) + N_STARTS * np.arange(len(x))
-    return _poses(problems, _minimise(problems, state.of(best), LAST_ITERATIONS))
+    best = costs.reshape(-1, N_STARTS).argmin(axis=1)
+    return state.of(best + N_STARTS * np.arange(n_problems))
+
+
+def _some_tracks(x, seen, weights, most):
+    """Coordinates, visibility and weights of some of the tracks that count, evenly."""
+    order = np.argsort(weights <= 0, axis=1, kind="stable")
+    n_tracks = np.maximum((weights > 0).sum(axis=1), most)
+    places = np.arange(most) * n_tracks[:, None] // most
+    some = np.arange(len(x))[:, None], np.take_along_axis(order, places, axis=1)
+    return x[some], seen[some], weights[some]
 
 
 def refine_rigid_motions(

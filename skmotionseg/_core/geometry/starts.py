@@ -200,14 +200,14 @@ def _turns_for(directions, equations, both):
     rows = directions @ equations  # (6, B, D, n)
     rows, along = rows[:4], rows[4:]
     rows /= np.sqrt(along[0] ** 2 + along[1] ** 2) + 1e-3
-    return _robust_turns(rows, np.repeat(both[:, None], rows.shape[2], axis=1))
+    return _robust_turns(rows, both[:, None])
 
 
 def _robust_turns(rows, both, floor=1e-5):
     """Rotation vectors (B, D, 3) from equations (4, B, D, n), and median errors."""
     matrices = np.moveaxis(rows, 0, 2)  # (B, D, 4, n)
-    counted, weights = both > 0, both
-    turns = np.full((*both.shape[:2], 1, 4), -1.0)
+    counted, weights = both > 0, both  # (B, 1, n)
+    turns = np.full((*rows.shape[1:3], 1, 4), -1.0)
     for _ in range(SWEEPS):
         weighted = np.moveaxis(rows[:3] * weights, 0, 2)
         normal = weighted @ matrices.swapaxes(-1, -2)  # (B, D, 3, 4)

@@ -202,7 +202,7 @@ class Windows:
         poses = [[None] * len(self.frames) for _ in groups]
         for jobs in _batches(self._jobs(groups, most_tracks)):
             x, seen, weights, floor, references = self._stacked(jobs)
-            fitted = fit_rigid_motions(x, seen, weights, floor, references)
+            fitted = fit_rigid_motions(x, seen, weights, floor, references, MOST_FITTED)
             for job, *pose in zip(jobs, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
         return self._motions(groups, poses)

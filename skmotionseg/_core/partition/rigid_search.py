@@ -9,6 +9,7 @@ or has to place one at infinity, and the graph has few links between them.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -227,7 +228,7 @@ class RigidSearch:
             self._fitted[key] = fit, motion
         return [self._fitted[fit.key][1] for fit in fits]
 
-    def calibrate(self, labels, steps=()):
+    def calibrate(self, labels, steps=(), motions=None):
         """Choose focal length and scale of the noise by the larger groups of labels.
 
         Of focal lengths that explain them nearly as well, the one nearest to that of a
@@ -239,6 +240,10 @@ class RigidSearch:
         labels : ndarray of int, shape (n,)
         steps : sequence of float
             Factors by which the best of a few focal lengths is improved.
+        motions : list of RigidMotion, optional
+            Of all groups, by the focal length that is in use. Those by another are
+            fitted from the ones by the nearest, which costs less than anew and leaves
+            less to chance: that a fit is at another optimum.
 
         Returns
         -------
@@ -247,13 +252,19 @@ class RigidSearch:
             too, and with it all that was fitted.
         """
         before = self.windows.focal_length, self.scale
-        groups = sorted(groups_of(labels), key=len)[-4:]
-        tried: dict[float, tuple] = {}
+        groups = groups_of(labels)
+        larger = sorted(range(len(groups)), key=lambda k: len(groups[k]))[-4:]
+        groups = [groups[k] for k in larger]
+        fitted = {} if motions is None else {before[0]: [motions[k] for k in larger]}
+        nats: dict[float, float] = {}
 
         def cost(focal_length):
-            if focal_length not in tried:
-                tried[focal_length] = self._with_focal_length(focal_length, groups)
-            return tried[focal_length][0]
+            if focal_length not in nats:
+                distance = partial(_ratio, focal_length)
+                starts = motions and fitted[min(fitted, key=distance)]
+                new = self._by_focal_length(focal_length, groups, starts)
+                nats[focal_length], fitted[focal_length] = new
+            return nats[focal_length]
 
         best = self.focal_length or best_focal_length(cost, steps)
         cost(best)  # if it was given, it is the only one
@@ -261,7 +272,7 @@ class RigidSearch:
         if self._fitted and best == before[0]:
             self.scale = before[1]
             return False
-        self._begin_with(groups, tried[best][1])
+        self._begin_with(groups, fitted[best])
         return True
 
     def _begin_with(self, groups, motions):
@@ -278,14 +289,17 @@ class RigidSearch:
         }
         self.apart, self._distances_by_own = {}, {}
 
-    def _with_focal_length(self, focal_length, groups):
+    def _by_focal_length(self, focal_length, groups, starts):
         """Nats of some groups with a focal length, and their motions."""
         self.windows.set_focal_length(focal_length)
         self.scale = self.windows.least_noise
-        motions = self.windows.fit(groups)
+        if starts is None:
+            motions = self.windows.fit(groups)
+        else:
+            motions = self.windows.refine(groups, [[start] for start in starts])
         costs = self.costs(motions)
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
-        unusual = abs(np.log(focal_length / USUAL_FOCAL_LENGTH))
+        unusual = _ratio(focal_length, USUAL_FOCAL_LENGTH)
         total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * unusual
         return total, motions
 
@@ -557,8 +571,8 @@ class RigidSearch:
 
     def _placed(self, inliers, joint):
         """Inverse depths of the inliers of two groups by a joint motion, and errors."""
-        placed = [self.windows.inverse_depths(joint, tracks) for tracks in inliers]
-        depths, errors = zip(*placed, strict=True)
+        found = self.windows.inverse_depths(joint, np.concatenate(inliers))
+        depths, errors = (np.split(each, [len(inliers[0])]) for each in found)
         return depths, [error * self.scale for error in errors]
 
     def _at_other_times(self, first, second):
@@ -676,6 +690,11 @@ def _energy(cut, nats, n_tracks):
     return n_tracks * (nats + NATS_OF_LINKS * cut)
 
 
+def _ratio(one, other):
+    """How far two focal lengths are from each other."""
+    return abs(np.log(one / other))
+
+
 def _energy_of(step):
     return step.energy
 
@@ -782,7 +801,8 @@ def calibrated_paths(search, over_segments):
     search.calibrate(over_segments[0])
     first, *others = over_segments
     (path,) = _descents(search, [first])
-    if search.calibrate(_last_apart(path).labels, FOCAL_STEPS[:2]):
+    last = _last_apart(path)
+    if search.calibrate(last.labels, FOCAL_STEPS[:2], last.motions):
         return _descents(search, over_segments)
     return [path, *_descents(search, others)]
 
