@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
-from skmotionseg._core.geometry.windows import FEWEST_TRACKS, Windows
+from skmotionseg._core.geometry.windows import FEWEST_TRACKS, FOCAL_STEPS, Windows
 from skmotionseg._core.labels import canonical_labels, groups_of
 from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
@@ -260,15 +260,30 @@ def test_what_drives_away_from_a_moving_camera_is_apart():
     assert found.log_odds > 0 > found.log_odds - BEHIND_WEIGHT
 
 
-def test_the_focal_length_is_looked_at_again_in_larger_groups():
-    """Small pieces of a scene hardly tell it, the whole of it does."""
+@pytest.fixture(scope="module")
+def exact_street():
+    """Tracks of a scene without much noise, their labels, and its focal length."""
     exact = {"outliers": 0.0, "noise": 0.1, "drift": 0.0, "distortion": 0.0}
     exact |= {"motion_noise": 0.0, "texture": 1, "focal": 0.7}
     simulated = make_scene(
         "street", n_tracks=300, n_frames=12, life=100, random_state=1, **exact
     )
     points, visibility = unpack_tracks(simulated.data)
-    y = canonical_labels(simulated.target)
+    true = simulated.focal / np.nanmax(np.ptp(points[visibility], axis=0))
+    return points, visibility, canonical_labels(simulated.target), true
+
+
+def test_a_focal_length_is_found_from_motions_by_another(exact_street):
+    points, visibility, y, true = exact_street
+    search = RigidSearch(Windows(points, visibility, 2.0), np.ones((len(y), len(y))))
+    motions = done(search, search.motions(y))
+    assert search.calibrate(y, FOCAL_STEPS, motions)
+    assert abs(np.log(search.windows.focal_length / true)) < 0.05
+
+
+def test_the_focal_length_is_looked_at_again_in_larger_groups(exact_street):
+    """Small pieces of a scene hardly tell it, the whole of it does."""
+    points, visibility, y, true = exact_street
     affinity = np.where(y[:, None] == y, 1.0, 0.01)
     search, first = (
         RigidSearch(Windows(points, visibility), affinity) for _ in range(2)
@@ -277,7 +292,6 @@ def test_the_focal_length_is_looked_at_again_in_larger_groups():
     pieces = canonical_labels((middle > np.median(middle, axis=0)) @ [2, 1] + 4 * y)
     first.calibrate(pieces)
     calibrated_paths(search, [pieces])
-    true = simulated.focal / np.nanmax(np.ptp(points[visibility], axis=0))
     before, after = (
         abs(np.log(each.windows.focal_length / true)) for each in (first, search)
     )

@@ -108,8 +108,8 @@ def fit_rigid_motions(x, seen, weights, floor, reference, most_started=None):
     reference : int or ndarray of shape (B,)
         Frame in which depths are measured; its pose is the identity.
     most_started : int, optional
-        Tracks by which the best start is found; all, if not given. It takes most of the
-        time, and the best is then fitted to all of them.
+        Tracks by which the best of the starts is found, which takes most of the time;
+        the motion is then fitted to all. By default, the best is found by all, too.
 
     Returns
     -------
@@ -119,13 +119,14 @@ def fit_rigid_motions(x, seen, weights, floor, reference, most_started=None):
     if most_started is None or most_started >= seen.shape[1]:
         start = _best_started(problems)
     else:
-        some = observed(*_some_tracks(x, seen, weights, most_started), floor, reference)
+        at = _some_counted(weights, most_started)
+        some = observed(x[at], seen[at], weights[at], floor, reference)
         start = _state_of(problems, _poses(some, _best_started(some)))
     return _poses(problems, _minimise(problems, start, LAST_ITERATIONS))
 
 
 def _best_started(problems):
-    """The best state (B) after a few iterations from several starts."""
+    """The best state of each problem after a few iterations from several starts."""
     n_problems = len(problems.weights)
     repeated = problems.of(np.repeat(np.arange(n_problems), N_STARTS))
     state = _state(repeated, *starting_motions(problems, repeated))
@@ -137,13 +138,12 @@ def _best_started(problems):
     return state.of(best + N_STARTS * np.arange(n_problems))
 
 
-def _some_tracks(x, seen, weights, most):
-    """Coordinates, visibility and weights of some of the tracks that count, evenly."""
+def _some_counted(weights, most):
+    """Places of so many tracks of each problem, evenly among those that count."""
     order = np.argsort(weights <= 0, axis=1, kind="stable")
-    n_tracks = np.maximum((weights > 0).sum(axis=1), most)
-    places = np.arange(most) * n_tracks[:, None] // most
-    some = np.arange(len(x))[:, None], np.take_along_axis(order, places, axis=1)
-    return x[some], seen[some], weights[some]
+    n_counted = np.maximum((weights > 0).sum(axis=1), most)
+    places = np.arange(most) * n_counted[:, None] // most
+    return np.arange(len(weights))[:, None], np.take_along_axis(order, places, axis=1)
 
 
 def refine_rigid_motions(

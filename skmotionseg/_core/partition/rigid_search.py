@@ -260,8 +260,10 @@ class RigidSearch:
 
         def cost(focal_length):
             if focal_length not in nats:
-                distance = partial(_ratio, focal_length)
-                starts = motions and fitted[min(fitted, key=distance)]
+                starts = None
+                if motions is not None:
+                    nearest = min(fitted, key=partial(_log_ratio, focal_length))
+                    starts = fitted[nearest]
                 new = self._by_focal_length(focal_length, groups, starts)
                 nats[focal_length], fitted[focal_length] = new
             return nats[focal_length]
@@ -299,7 +301,7 @@ class RigidSearch:
             motions = self.windows.refine(groups, [[start] for start in starts])
         costs = self.costs(motions)
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
-        unusual = _ratio(focal_length, USUAL_FOCAL_LENGTH)
+        unusual = _log_ratio(focal_length, USUAL_FOCAL_LENGTH)
         total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * unusual
         return total, motions
 
@@ -690,8 +692,8 @@ def _energy(cut, nats, n_tracks):
     return n_tracks * (nats + NATS_OF_LINKS * cut)
 
 
-def _ratio(one, other):
-    """How far two focal lengths are from each other."""
+def _log_ratio(one, other):
+    """How far two focal lengths are from each other: 0 if they are the same."""
     return abs(np.log(one / other))
 
 
