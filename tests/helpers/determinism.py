@@ -100,7 +100,7 @@ def main(folder):
             for name, n_jobs, batch_size in list(settings())[again:]:
                 found[group][name] = judge_in_batches(X, n_jobs, batch_size, **common)
             found[group] |= judge_pickled(fitted, path, X)
-            for engine in OTHER_ENGINES if group in WITH_ENGINES and not again else ():
+            for engine in OTHER_ENGINES if group in WITH_ENGINES else ():
                 with parallel_config(backend=engine, n_jobs=2):
                     found[group][engine] = judge_in_batches(X, None, 30, **common)
     found["pipeline"] = {str(n): judge_pipeline(X, n) for n in (1, 2, -1)}

@@ -47,7 +47,7 @@ def test_every_setting_was_tried(found):
     assert len(found) == 6
     for group, settings in found.items():
         engines = 2 if group == "description_length, n_landmarks=42" else 0
-        first, second = 3 + 1 + engines, 2 + 1
+        first, second = 3 + 1 + engines, 2 + 1 + engines
         if group in ("pipeline", "sequences"):
             first = second = 3
         assert len(settings) == first + second

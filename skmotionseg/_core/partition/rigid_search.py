@@ -260,20 +260,21 @@ class RigidSearch:
 
         def cost(focal_length):
             if focal_length not in nats:
-                starts = None
+                starts: list[tuple] = [()] * len(groups)
                 if motions is not None:
                     nearest = min(fitted, key=partial(_log_ratio, focal_length))
-                    starts = fitted[nearest]
+                    starts = [(motion,) for motion in fitted[nearest]]
                 new = self._by_focal_length(focal_length, groups, starts)
                 nats[focal_length], fitted[focal_length] = new
             return nats[focal_length]
 
         best = self.focal_length or best_focal_length(cost, steps)
-        cost(best)  # if it was given, it is the only one
-        self.windows.set_focal_length(best)
         if self._fitted and best == before[0]:
+            self.windows.set_focal_length(best)
             self.scale = before[1]
             return False
+        cost(best)  # if it was given, it is the only one
+        self.windows.set_focal_length(best)
         self._begin_with(groups, fitted[best])
         return True
 
@@ -292,13 +293,10 @@ class RigidSearch:
         self.apart, self._distances_by_own = {}, {}
 
     def _by_focal_length(self, focal_length, groups, starts):
-        """Nats of some groups with a focal length, and their motions."""
+        """Nats of some groups with a focal length, and their motions from starts."""
         self.windows.set_focal_length(focal_length)
         self.scale = self.windows.least_noise
-        if starts is None:
-            motions = self.windows.fit(groups)
-        else:
-            motions = self.windows.refine(groups, [[start] for start in starts])
+        motions = self.windows.found(list(map(FitRequest, groups, starts)))
         costs = self.costs(motions)
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
         unusual = _log_ratio(focal_length, USUAL_FOCAL_LENGTH)
