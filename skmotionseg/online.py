@@ -277,6 +277,8 @@ def _checked_frame(points, track_ids):
         raise ValueError(f"points must have shape (n_seen, 2); got {points.shape}")
     if ids.dtype.kind not in "iu":
         raise TypeError(f"track_ids must be whole numbers; got dtype {ids.dtype}")
+    if ids.size and ids.max() > np.iinfo(np.int64).max:
+        raise ValueError(f"track_ids must be below 2**63; got {ids.max()}")
     if ids.shape != (len(points),):
         raise ValueError(
             f"{len(points)} points need one track id each; got shape {ids.shape}"

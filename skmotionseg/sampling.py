@@ -21,7 +21,7 @@ from ._core.geometry.motion_models import MotionModel, get_motion_model
 from ._core.geometry.tracks import frame_pairs, unpack_tracks, working_coordinates
 from ._parallel.threads import single_threaded
 from ._utils.residuals import Residuals, column_names
-from ._utils.validation import TracksInput
+from ._utils.validation import TooFewTracksError, TracksInput
 
 
 class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
@@ -149,7 +149,7 @@ default="homography"
             pairs = frame_pairs(n_frames, self.frame_gap)
         most = visibility[:, pairs].all(axis=2).sum(axis=0).max()
         if most < model.minimal_size:
-            raise ValueError(
+            raise TooFewTracksError(
                 f"the {model.name} model needs {model.minimal_size} tracks that are "
                 f"seen in the same two frames; the best frame pair has {most} "
                 f"(n_samples={n_tracks})"

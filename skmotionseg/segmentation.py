@@ -55,11 +55,14 @@ from ._segmenter.views import (
     place_tracks,
     view_seeds,
 )
-from ._utils.validation import TracksInput, check_cacheable
+from ._utils.validation import TooFewTracksError, TracksInput, check_cacheable
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
 
+# What a fit keeps beside its fitted attributes, and those that are of its input alone.
+OWN_STATE = ("_frames", "_known", "_explanation")
+OF_INPUT = ("n_features_in_", "feature_names_in_")
 # Restarts of k-means for each of many candidates; a single partition gets more.
 SEARCH_RESTARTS = 8
 
@@ -243,7 +246,8 @@ estimator, default="description_length"
     window_counts_ : ndarray of int, shape (n_windows,)
         Number of motions found in each window. Others may be out of view.
     window_confidences_ : ndarray of shape (n_windows,)
-        Probability that each window has no fewer motions than were found in it.
+        Probability that each window has no fewer motions than were found in it; NaN
+        where it has too few tracks to look for any.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
         track is seen.
@@ -387,12 +391,10 @@ estimator, default="description_length"
             If every frame pair has fewer tracks than a model needs, or fewer than
             ``n_motions`` tracks share a preferred hypothesis with another.
         """
-        models = check_models(self.models)
-        check_fusion(self.fusion)
-        if self.kernel is not None:
-            self.kernel._validate_params()
+        models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
         tracks = self._read_tracks(X, reset=True)
+        self._forget()
         self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:
             clip = LongClip(tracks, self.frame_gap + 1)
@@ -435,9 +437,6 @@ estimator, default="description_length"
 
     def _fit_in_windows(self, clip, X):
         """Set what is known of the tracks of a long clip."""
-        for name in [*vars(self)]:  # of another fit
-            if name.endswith("_") and name != "n_features_in_":
-                delattr(self, name)
         clock, rng = _Stopwatch(), check_random_state(self.random_state)
         with clock.measure("windows"):
             found = segment_in_windows(clip, self, rng)
@@ -458,16 +457,33 @@ estimator, default="description_length"
         self.stage_seconds_ = clock.with_total()
         return self
 
-    def _check_counts(self, n_tracks):
-        """Refuse numbers of motions that cannot be, before any work."""
+    def _forget(self):
+        """Remove what another fit has found, of which this one may set less."""
+        for name in [*vars(self)]:
+            if name in OWN_STATE or (name.endswith("_") and name not in OF_INPUT):
+                delattr(self, name)
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "labels_")
+
+    def _check_parameters(self):
+        """Refuse parameters that do not go together; give the motion models."""
+        models = check_models(self.models)
+        check_fusion(self.fusion)
+        if self.kernel is not None:
+            self.kernel._validate_params()
         if self.n_motions == "auto" and self.min_motions > self.max_motions:
             raise ValueError(
                 "min_motions must not exceed max_motions; got "
                 f"{self.min_motions} and {self.max_motions}"
             )
+        return models
+
+    def _check_counts(self, n_tracks):
+        """Refuse more motions than there are tracks, before any work."""
         fewest = self.min_motions if self.n_motions == "auto" else self.n_motions
         if fewest > n_tracks:
-            raise ValueError(
+            raise TooFewTracksError(
                 f"{fewest} motions are more than the tracks (n_samples={n_tracks})"
             )
 
@@ -539,7 +555,7 @@ estimator, default="description_length"
         if self.n_motions != "auto":
             fewest = most = self.n_motions
         if fewest > n_connected:
-            raise ValueError(
+            raise TooFewTracksError(
                 f"{fewest} motions are more than the {n_connected} tracks that share "
                 f"a preference with another (n_samples={affinities.shape[1]})"
             )

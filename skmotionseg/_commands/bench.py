@@ -9,7 +9,7 @@ from pathlib import Path
 from .._utils.optional import require
 from .._utils.words import counted
 from .._utils.writing import check_output, replacing
-from .console import count, progress_console, with_progress
+from .console import count, jobs, progress_console, with_progress
 
 METHODS_HELP = (
     "methods to run (default: all): those of the paper, which choose the number of "
@@ -74,7 +74,7 @@ def _add_amounts(bench):
     )
     bench.add_argument(
         "--jobs",
-        type=int,
+        type=jobs,
         default=-1,
         help="sequences to run in parallel; -1 is all processors (default: -1)",
     )

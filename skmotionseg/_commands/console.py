@@ -27,6 +27,32 @@ def count(text, or_else=""):
     return number
 
 
+def seed(text):
+    """A whole number that random numbers may start from, of a command line."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = -1
+    if not 0 <= number < 2**32:
+        raise argparse.ArgumentTypeError(
+            f"expected a whole number from 0 to {2**32 - 1}; got {text!r}"
+        )
+    return number
+
+
+def jobs(text):
+    """How many jobs run in parallel, of a command line: -1 is one per processor."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number == 0:
+        raise argparse.ArgumentTypeError(
+            f"expected 1 or more, or -1 for all processors; got {text!r}"
+        )
+    return number
+
+
 def positive(text):
     """A number above 0, of a command line."""
     try:

@@ -15,6 +15,7 @@ from .console import (
     pyplot,
     save_figure,
     seconds_facts,
+    seed,
     track_facts,
 )
 
@@ -34,7 +35,7 @@ def add_demo(commands):
     )
     demo.add_argument(
         "--seed",
-        type=int,
+        type=seed,
         default=0,
         help="random seed of scene and method (default: 0)",
     )

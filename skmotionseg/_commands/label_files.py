@@ -44,7 +44,7 @@ def write_labels(path, sequence, labels, probabilities=None):
         if probabilities is not None:
             columns.append(probabilities[track] if sequence.video else probabilities)
         header, form = _columns(kind, probabilities is not None)
-        table = np.column_stack(columns)
+        table = np.rec.fromarrays(columns)  # a matrix would round large ids
         np.savetxt(file, table, fmt=form, header=header, comments="")
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from .console import count, positive
+from .console import count, jobs, positive, seed
 
+MOST_MOTIONS = 10  # that are tried by default
 LAYOUTS = ("tracks_first", "frames_first")
 SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
 MODELS = ("affine", "homography", "fundamental")
@@ -42,7 +43,8 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
     "--max-motions": {
         "type": count,
         "metavar": "N",
-        "help": "largest number of motions to try with --motions auto (default: 10)",
+        "help": "largest number of motions to try with --motions auto (default: "
+        f"{MOST_MOTIONS})",
     },
     "--models": {
         "type": model_names,
@@ -62,9 +64,9 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
         "metavar": "PIXELS",
         "help": "focal length of the camera, if it is known (default: estimated)",
     },
-    "--seed": {"type": int, "default": 0, "help": "random seed (default: 0)"},
+    "--seed": {"type": seed, "default": 0, "help": "random seed (default: 0)"},
     "--jobs": {
-        "type": int,
+        "type": jobs,
         "default": -1,
         "help": "parallel jobs; -1 is all processors (default: -1)",
     },
@@ -123,6 +125,11 @@ def check_method_options(arguments, video):
         raise ValueError(
             f"{option_name(counts[0])} is for --motions auto; got --motions "
             f"{arguments.motions}"
+        )
+    fewest, most = arguments.min_motions or 1, arguments.max_motions or MOST_MOTIONS
+    if fewest > most:
+        raise ValueError(
+            f"--min-motions must not exceed --max-motions; got {fewest} and {most}"
         )
     options = file_options(arguments)
     given = [name for name in options if options[name] is not None]

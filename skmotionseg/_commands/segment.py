@@ -27,6 +27,7 @@ from .method_options import (
 )
 from .pictures import draw
 from .video_tracks import (
+    expected_length,
     folder_of,
     goes_in_blocks,
     longest_whole,
@@ -156,6 +157,7 @@ def _segment_video(run):
     """Track a video; segment its tracks at once, or those of a long one in windows."""
     arguments, segmenter, _, progress, started = run
     frames = open_video(arguments)
+    _check_length(arguments, expected_length(arguments, frames))
     if not goes_in_blocks(arguments, frames):
         tracks, size = track_at_once(arguments, frames, progress)
     else:
@@ -217,8 +219,8 @@ def _check_options(arguments, video):
 
 
 def _check_length(arguments, n_frames):
-    """Refuse a report of a clip that is taken in windows, before any work."""
-    if arguments.report is not None and n_frames > LONG_CLIP:
+    """Refuse a report of a clip that is taken in windows, if its length is known."""
+    if arguments.report is not None and n_frames and n_frames > LONG_CLIP:
         raise ValueError(
             f"--report is for clips of up to {LONG_CLIP} frames; {arguments.file} has "
             f"{n_frames} (--max-frames takes the first)"

@@ -33,12 +33,12 @@ def open_video(arguments):
 
 def goes_in_blocks(arguments, frames):
     """Whether the tracks of a video are kept in files: it is long, or may go on."""
-    length = _expected(arguments, frames)
+    length = expected_length(arguments, frames)
     is_long = length is None or length > longest_whole(arguments)
     return arguments.resume is not None or is_long
 
 
-def _expected(arguments, frames):
+def expected_length(arguments, frames):
     """Frames that there should be; None if nobody says."""
     some = [n for n in (frames.n_announced, arguments.max_frames) if n is not None]
     return min(some, default=None)
@@ -105,7 +105,7 @@ def track_to(folder, arguments, frames, console):
         "min_texture": MIN_TEXTURE,
         "max_side": arguments.max_side,
     }
-    expected = _expected(arguments, frames)
+    expected = expected_length(arguments, frames)
     with reporting("tracking", console) as report:
         track_into(
             stored,
@@ -146,5 +146,5 @@ def _check_kept(arguments, n_kept, n_frames):
 
 
 def shortest_track(n_frames):
-    """Five frames; up to ten in longer clips, where short tracks say little."""
-    return int(np.clip(n_frames // 8, 5, 10))
+    """Five frames, or all of fewer; up to ten of many: short tracks say little."""
+    return min(n_frames, int(np.clip(n_frames // 8, 5, 10)))

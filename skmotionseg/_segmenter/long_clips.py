@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from .._core.labels import canonical_labels
 from .._core.stream.joining import Joiner, left_out, parts_of
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.validation import as_memory
+from .._utils.validation import TooFewTracksError, as_memory
 from .._version import __version__
 
 # Frames above which a clip is taken in windows.
@@ -36,7 +37,8 @@ class WindowedLabels(NamedTuple):
     counts : ndarray of int, shape (n_windows,)
         Motions that each has found.
     surely : ndarray of shape (n_windows,)
-        How probable it is that there are no fewer.
+        How probable it is that there are no fewer; NaN where there are too few tracks
+        to look for any.
     """
 
     labels: np.ndarray
@@ -130,8 +132,14 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     Returns
     -------
     WindowedLabels
+
+    Raises
+    ------
+    ValueError
+        If no frame pair of a window can be as far apart as hypotheses need.
     """
     parts = clip.parts
+    _check_frame_gap(segmenter.frame_gap, parts)
     seeds = rng.randint(2**31 - 1, size=len(parts))
     most = None if segmenter.n_motions == "auto" else segmenter.n_motions
     estimator = _for_windows(segmenter, most)
@@ -152,7 +160,9 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     )
     joiner = Joiner(clip.n_tracks, most, clip.extent)
     surely = np.array([each for _, each in found])
-    for part, (labels, sure), out in zip(parts, found, left_out(surely), strict=True):
+    known = np.where(np.isnan(surely), 1.0, surely)
+    steps = zip(parts, found, known, left_out(known), strict=True)
+    for part, (labels, _), sure, out in steps:
         if out:
             joiner.leave_out(part, labels)
         else:
@@ -162,6 +172,15 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     frames = np.array([[part.start, part.stop - 1] for part in parts])
     counts = np.array([len(np.unique(own[own >= 0])) for own, _ in found])
     return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
+
+
+def _check_frame_gap(frame_gap, parts):
+    shortest = min(part.stop - part.start for part in parts)
+    if frame_gap >= shortest:
+        raise ValueError(
+            f"frame_gap={frame_gap} needs at least {frame_gap + 1} frames; clips of "
+            f"more than {LONG_CLIP} are taken in windows of {shortest}"
+        )
 
 
 def _for_windows(segmenter, most):
@@ -183,11 +202,14 @@ def _recall(memory, estimator, X):
 def _segment(estimator, X, version):
     """Labels, and how probable it is that there are no fewer motions.
 
-    The version says of what code they are, where they are kept.
+    A window may have fewer tracks than the landmarks that are asked for, and too few
+    for any motion. The version says of what code they are, where they are kept.
     """
+    if isinstance(estimator.n_landmarks, Integral):
+        estimator.set_params(n_landmarks=min(estimator.n_landmarks, len(X)))
     try:
         labels = estimator.fit(X).labels_
-    except ValueError:  # hardly any tracks
-        return np.full(len(X), -1), 1.0
+    except TooFewTracksError:
+        return np.full(len(X), -1), np.nan
     surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
     return labels, 1.0 if np.isnan(surely) else float(surely)

@@ -16,6 +16,10 @@ OF_A_FOLD = (
 )
 
 
+class TooFewTracksError(ValueError):
+    """There are fewer tracks than the motions or their hypotheses need."""
+
+
 class TracksInput:
     """Mixin of the estimators whose rows are tracks.
 

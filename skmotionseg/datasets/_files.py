@@ -306,7 +306,8 @@ def _labels_from_one(labels):
 
 
 def _read_csv(path):
-    with path.open(newline="") as file:
+    # Spreadsheets begin their files with a byte-order mark, which is no part of a name.
+    with path.open(newline="", encoding="utf-8-sig") as file:
         rows = [row for row in csv.reader(file) if row]
     if not rows:
         raise ValueError("it is empty")
@@ -359,7 +360,8 @@ def _read_wide(header, rows):
         fields["target"] = whole_numbers(table[:, i], f"the column {header[i]!r}")
         columns.remove(i)
     if len(columns) % 2 and header[columns[0]] in INDEX_NAMES:
-        fields["track_ids"] = table[:, columns.pop(0)]
+        place = columns.pop(0)
+        fields["track_ids"] = _ids([row[place] for row in rows[1:]])
     _check_order([header[i] for i in columns])
     return {"data": table[:, columns], **fields}
 
@@ -417,10 +419,12 @@ def _read_observations(places, rows, file_size):
     columns = {
         kind: np.array([(_truth if kind in SEEN else _number)(row[i]) for row in rows])
         for kind, i in places.items()
+        if kind != "track"
     }
-    if not np.isfinite(columns["track"]).all():
+    ids = _ids([row[places["track"]] for row in rows])
+    if not np.isfinite(ids).all():
         raise ValueError("the column 'track' must be a number in each row")
-    tracks, row = np.unique(columns["track"], return_inverse=True)
+    tracks, row = np.unique(ids, return_inverse=True)
     frame = whole_numbers(columns["frame"], "the column 'frame'")
     frame -= frame.min()
     if len(set(zip(row, frame, strict=True))) < len(row):
@@ -441,13 +445,23 @@ def _read_observations(places, rows, file_size):
 
 def _seen(columns):
     """Whether each observation is one: visible, and not occluded."""
-    seen = np.ones(len(columns["track"]), dtype=bool)
+    seen = np.ones(len(columns["frame"]), dtype=bool)
     for kind, value in SEEN.items():
         if kind in columns:
             if not np.isin(columns[kind], (0, 1)).all():
                 raise ValueError(f"the column {kind!r} must be 0 or 1 in each row")
             seen &= columns[kind] == value
     return seen
+
+
+def _ids(cells):
+    """Names of tracks: int64 where all are whole, and so exact; else float."""
+    try:
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+    except OverflowError:
+        raise ValueError("track ids must be below 2**63 in magnitude") from None
+    except ValueError:
+        return np.array([_number(cell) for cell in cells])
 
 
 def _truth(cell):

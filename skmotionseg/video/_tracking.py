@@ -33,6 +33,9 @@ N_CELLS = 4800
 SMALLEST_SPACING, LARGEST_SPACING = 5, 8
 # Share of the cells that may be added where things move.
 EXTRA_CELLS = 0.25
+# Pixels of the shorter side for which DIS has all the scales that it uses: its patches
+# of eight, at its finest scale of a quarter.
+SMALLEST_FOR_FLOW = 32
 # By default, pixels that a point may miss on the way back, and the least texture of a
 # new one, as a share of the mean.
 MAX_ERROR, MIN_TEXTURE = 1.0, 0.03
@@ -133,7 +136,8 @@ def track_video(
         A track ends where going forward and back again misses by more pixels than
         this.
     min_length : int, default=5
-        Tracks seen in fewer frames are dropped.
+        Tracks seen in fewer frames are dropped; of a source of fewer frames, those that
+        are not seen in all.
     min_texture : float, default=0.03
         Tracks start where the smaller eigenvalue of the structure tensor exceeds this
         share of its mean over the frame: elsewhere the flow is a guess. (Sundaram et
@@ -205,9 +209,8 @@ def track_video(
         raise ValueError(
             f"tracks need two frames or more; {frames.name} has {log.n_frames}"
         )
-    return VideoTracks(
-        pack_tracks(log.assemble(min_length)), log.n_frames, width, height, frames.fps
-    )
+    tracks = pack_tracks(log.assemble(min(min_length, log.n_frames)))
+    return VideoTracks(tracks, log.n_frames, width, height, frames.fps)
 
 
 def follow_points(
@@ -419,14 +422,32 @@ class _PointFlow:
         # pictures of before, so it is made anew. The preset "medium" takes four times
         # as long. Once refined, both are as exact.
         dense = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
-        flow = dense.calc(first, second, None)
+        flow = _dense_flow(dense, first, second)
         moved = _refine(first, second, points, points + sample_field(flow, points))
-        back = self.back = dense.calc(second, first, None)
+        back = self.back = _dense_flow(dense, second, first)
         returned = _refine(second, first, moved, moved + sample_field(back, moved))
         good = np.hypot(*(returned - points).T) <= self._max_error
         good &= is_inside(moved, second.shape)
         good &= field_gradient(flow, points) <= MAX_FLOW_GRADIENT
         return moved[good], good
+
+
+def _dense_flow(dense, first, second):
+    """The flow (height, width, 2) between two pictures, however low they are.
+
+    Of pictures lower than ``SMALLEST_FOR_FLOW``, the scales that DIS chooses by their
+    longer side do not fit the shorter, and it may read beyond its memory. So they are
+    continued by their last rows or columns.
+    """
+    cv2 = require("cv2", extra="video")
+    height, width = first.shape
+    below, right = (max(SMALLEST_FOR_FLOW - side, 0) for side in first.shape)
+    if below or right:
+        first, second = (
+            cv2.copyMakeBorder(each, 0, below, 0, right, cv2.BORDER_REPLICATE)
+            for each in (first, second)
+        )
+    return dense.calc(first, second, None)[:height, :width]
 
 
 def _refine(first, second, points, coarse):
