@@ -477,6 +477,13 @@ estimator, default="description_length"
                 "min_motions must not exceed max_motions; got "
                 f"{self.min_motions} and {self.max_motions}"
             )
+        largest = max(models, key=lambda model: model.minimal_size)
+        some = self.n_landmarks
+        if isinstance(some, Integral) and some < largest.minimal_size:
+            raise ValueError(
+                f"n_landmarks must be at least the {largest.minimal_size} tracks that "
+                f"the {largest.name} model needs; got {some}"
+            )
         return models
 
     def _check_counts(self, n_tracks):
@@ -641,7 +648,8 @@ estimator, default="description_length"
         """Predict the motions of tracks of the same video.
 
         A track that was fitted gets its label in ``labels_``. Any other track gets the
-        label of the fitted tracks with the highest affinity to it.
+        label of the fitted tracks with the highest affinity to it. In clips of more
+        than 100 frames, only tracks that were fitted can be labelled.
 
         Parameters
         ----------
@@ -652,6 +660,12 @@ estimator, default="description_length"
         ndarray of int, shape (m,)
             -1 for a track that is an inlier of no motion, or shares no preferred
             hypothesis with a fitted track.
+
+        Raises
+        ------
+        NotFittedError, ValueError
+            If the segmenter is not fitted, the number of frames is another, or a track
+            of a clip of more than 100 frames was not fitted.
         """
         check_is_fitted(self)
         tracks = self._read_tracks(X, reset=False)

@@ -22,6 +22,7 @@ from skmotionseg._core.partition.rigid_search import (
     SURE,
     RigidSearch,
     Step,
+    _fine_enough,
     _n_apart,
     _Pair,
     calibrated_paths,
@@ -290,7 +291,8 @@ def test_the_focal_length_is_looked_at_again_in_larger_groups(exact_street):
     )
     middle = np.nanmean(points, axis=1)
     pieces = canonical_labels((middle > np.median(middle, axis=0)) @ [2, 1] + 4 * y)
-    first.calibrate(pieces)
+    for each in (first, search):
+        each.calibrate(pieces)
     calibrated_paths(search, [pieces])
     before, after = (
         abs(np.log(each.windows.focal_length / true)) for each in (first, search)
@@ -305,6 +307,7 @@ def test_each_over_segmentation_is_merged_from_its_own_groups(scene):
     segmentations = [canonical_labels(2 * y + (x > np.median(x))) for x in side.T]
     for focal_length in (None, 1.0):
         search = RigidSearch(Windows(points, visibility), affinity, None, focal_length)
+        search.calibrate(segmentations[0])
         paths = calibrated_paths(search, segmentations)
         starts = [path[0].labels for path in paths]
         for start, labels in zip(starts, segmentations, strict=True):
@@ -398,6 +401,34 @@ def test_the_number_that_is_asked_for_is_kept(scene):
         found = found_in(scene, np.array([count]))
         assert found.chosen == count
         assert set(np.unique(found.steps[count].labels)) == set(range(count))
+
+
+@pytest.mark.parametrize(
+    ("n_groups", "noise", "tried", "taken"),
+    [(3, 0.2, [6], 6), (6, 0.2, [], 6), (6, 1.0, [12], 6)],
+)
+def test_more_over_segments_where_few_mix_motions(n_groups, noise, tried, taken):
+    """Three groups of six bodies leave noise that six do not; twelve leave as much."""
+    bodies = [
+        make_rigid_motions(20, 8, 1, noise=noise, missing=0, random_state=seed)[0]
+        for seed in range(6)
+    ]
+    points, visibility = unpack_tracks(np.concatenate(bodies))
+    body, half = np.repeat(np.arange(6), 20), np.tile([0, 1], 60)
+    of_number = {3: body // 2, 6: body, 12: 2 * body + half}
+    search, asked = RigidSearch(Windows(points, visibility), np.ones((120, 120))), []
+
+    def finer(number):
+        asked.append(number)
+        return [of_number[number]]
+
+    for most, expected in ((n_groups, n_groups), (20, taken)):
+        search.restart(of_number[n_groups])
+        before = search.noise
+        (found,) = _fine_enough(search, [of_number[n_groups]], most, finer)
+        assert_array_equal(found, of_number[expected])
+        assert (search.noise < 0.6 * before) == (expected > n_groups)
+    assert asked == tried
 
 
 def test_nothing_is_found_where_nothing_can_be_parted(scene):

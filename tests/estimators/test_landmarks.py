@@ -77,7 +77,7 @@ def test_a_track_that_no_frame_pair_sees_gets_no_label_from_landmarks():
     assert (segmenter.labels_[:50] >= 0).all()
 
 
-@pytest.mark.parametrize("value", [0, -1, 801, 2.5, "all"])
+@pytest.mark.parametrize("value", [0, -1, 7, 801, 2.5, "all"])
 def test_bad_numbers_are_errors(scene, value):
     segmenter = MotionSegmenter(n_landmarks=value)
     with pytest.raises(ValueError, match=rf"n_landmarks.*{value}"):

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from helpers.films import film
 from numpy.testing import assert_array_equal
+from sklearn.exceptions import NotFittedError
 
 from skmotionseg import MotionSegmenter, pack_tracks
 from skmotionseg._segmenter import long_clips
+from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
 pytestmark = pytest.mark.xdist_group("long clip")  # fitted once for all
@@ -103,6 +105,56 @@ def test_windows_that_are_there_are_not_segmented_again(
     assert len(list(tmp_path.rglob("output.pkl"))) == 2
     assert_array_equal(segmenter.fit(tracks).labels_, fitted.labels_)
     assert len(list(tmp_path.rglob("output.pkl"))) == len(fitted.windows_)
+
+
+def short_lived(n_tracks=180, n_frames=110, life=40):
+    """Three motions of which no window sees all tracks."""
+    X, _ = make_rigid_motions(n_tracks, n_frames, missing=0, random_state=1)
+    starts = np.random.default_rng(0).integers(-20, n_frames - 20, n_tracks)
+    age = np.arange(n_frames) - starts[:, None]
+    X[np.repeat((age < 0) | (age >= life), 2, axis=1)] = np.nan
+    return X
+
+
+@pytest.mark.slow
+def test_windows_have_as_many_landmarks_as_tracks():
+    X = short_lived()
+    segmenter = MotionSegmenter(n_hypotheses=100, n_landmarks=100, random_state=0)
+    segmenter.fit(X)
+    assert segmenter.window_counts_.min() >= 1
+    assert np.isfinite(segmenter.window_confidences_).all()
+    assert (segmenter.labels_ >= 0).mean() > 0.9
+
+
+def test_errors_of_windows_are_errors():
+    """Only that there are too few tracks is what a window may have."""
+    X = short_lived(n_tracks=60)
+
+    def broken(views, n_clusters):
+        raise ValueError("no fusion")
+
+    with pytest.raises(ValueError, match="no fusion"):
+        MotionSegmenter(fusion=broken, n_hypotheses=50).fit(X)
+    with pytest.raises(ValueError, match="frame_gap=30 needs at least 31 frames; clip"):
+        MotionSegmenter(frame_gap=30).fit(X)
+
+
+def test_a_fit_leaves_nothing_of_the_one_before(X):
+    short, _ = make_rigid_motions(60, 5, 2, random_state=0)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0)
+    fresh = segmenter.fit(short).predict(short)
+    of_short = set(vars(segmenter))
+    few = X[0][:120]
+    segmenter.fit(few)
+    assert not hasattr(segmenter, "landmarks_")
+    segmenter.fit(short)
+    assert set(vars(segmenter)) == of_short
+    assert_array_equal(segmenter.predict(short), fresh)
+    assert str(segmenter.report(short)).startswith("2 motions in 60 tracks")
+    with pytest.raises(ValueError):
+        segmenter.fit(short[:4])
+    with pytest.raises(NotFittedError):
+        segmenter.predict(short)
 
 
 def test_window_without_motions_has_none():

@@ -234,6 +234,7 @@ BAD = {
     "unseen": (ValueError, "leave out tracks", [[np.nan, 1.0]], [0]),
     "words": (TypeError, "real numbers", [["a", "b"]], [0]),
     "ids that are no whole numbers": (TypeError, "whole", [[1.0, 2.0]], [0.5]),
+    "large ids": (ValueError, "below 2", [[1.0, 2.0]], np.array([2**63], np.uint64)),
     "complex": (TypeError, "real numbers", [[1j, 2.0]], [0]),
 }
 

@@ -520,6 +520,29 @@ def test_csv_of_a_row_an_observation(tracks, tmp_path, first_frame, shuffled):
     assert_array_equal(loaded.target, LABELS[::-1])
 
 
+def test_csv_of_large_ids(tmp_path):
+    """As they are in the file: as float, they would be one."""
+    path = tmp_path / "clip.csv"
+    ids = [2**60, 2**60 + 1]
+    rows = [f"{name},{f},{f},{k}" for k, name in enumerate(ids) for f in range(3)]
+    path.write_text("\n".join(["track,frame,x,y", *rows]))
+    assert load_tracks(path).track_ids.tolist() == ids
+    wide = [f"{name},1,2,3,4" for name in ids]
+    path.write_text("\n".join(["id,x0,y0,x1,y1", *wide]))
+    assert load_tracks(path).track_ids.tolist() == ids
+    path.write_text(f"track,frame,x,y\n{2**63},0,1,1\n0,1,2,1\n")
+    with pytest.raises(ValueError, match="track ids must be below 2\\*\\*63"):
+        load_tracks(path)
+
+
+@pytest.mark.parametrize("header", ["track,frame,x,y\n0,0,1,2\n0,1,3,4", "1,2,3,4"])
+def test_csv_of_a_spreadsheet(tmp_path, header):
+    """Which begins with a byte-order mark."""
+    path = tmp_path / "clip.csv"
+    path.write_text(header, encoding="utf-8-sig")
+    assert load_tracks(path).data.tolist() == [[1, 2, 3, 4]]
+
+
 def test_csv_without_labels(tmp_path):
     path = tmp_path / "clip.csv"
     path.write_text("track,frame,x,y,score\n0,3,1.5,2,0.9\n1,4,5,6,0.8\n")

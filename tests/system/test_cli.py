@@ -589,7 +589,8 @@ ERRORS = {
     ),
     "segment {scene} --split-dir nowhere/motions": "nowhere",
     "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
-    "segment {scene} --min-motions 3 --max-motions 2": "min_motions must not exceed",
+    "segment {scene} --min-motions 3 --max-motions 2": "--min-motions must not exceed",
+    "segment {scene} --min-motions 11": "--max-motions; got 11 and 10",
     "segment {scene} --models affine,affine": "models must differ",
     "segment {scene} --confidence": "--confidence is written with the labels",
     "segment {notes} --layout tracks_first": "track files end in",
@@ -663,6 +664,11 @@ def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
             )
             for given in ("-5", "0", "inf", "nan", "far")
         ),
+        *(
+            (["segment", "x.npz", "--seed", given], "a whole number from 0 to 42949672")
+            for given in ("-1", "4294967296", "some")
+        ),
+        (["segment", "x.npz", "--jobs", "0"], "or -1 for all processors; got '0'"),
         (["segment", "x.npz", "--selection", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--datasets", "MNIST"], "invalid choice: 'MNIST'"),

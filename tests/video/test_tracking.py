@@ -200,6 +200,31 @@ def test_short_tracks_are_dropped(crossed, min_length):
     assert seen.sum(axis=1).min() >= min_length
 
 
+@pytest.mark.parametrize("n_frames", [2, 3, 4])
+def test_the_shortest_videos_have_tracks(crossed, n_frames):
+    """Of fewer frames than tracks must have by default, those seen in all."""
+    tracks = track_video(crossed[:n_frames]).tracks
+    assert len(tracks) > 200
+    assert np.isfinite(tracks).all()
+
+
+@pytest.mark.parametrize("shape", [(16, 80), (31, 120), (24, 640), (120, 16)])
+def test_low_and_narrow_frames_are_tracked(shape):
+    scene = texture(0, 700).clip(0, 255).astype(np.uint8)
+    height, width = shape
+    frames = [scene[f : height + f, 2 * f : width + 2 * f] for f in range(6)]
+    tracks = track_video(frames).tracks
+    whole = tracks[np.isfinite(tracks).all(axis=1)]
+    assert len(whole) > 10
+    moved = np.median(whole[:, -2:] - whole[:, :2], axis=0)
+    np.testing.assert_allclose(moved, [-10, -5], atol=0.1)
+
+
+def test_a_grid_may_be_wider_than_the_frame(crossed):
+    tracks = track_video(crossed, grid_spacing=500).tracks
+    assert 0 < len(tracks) < 20
+
+
 def test_a_stricter_check_leaves_fewer_tracks(crossed):
     noise = np.random.default_rng(0)
     frames = [
@@ -596,6 +621,30 @@ def test_segment_refuses_what_is_no_video(tmp_path, capsys, name, content, words
     code, _, errors = run(capsys, "segment", tmp_path / name)
     assert code == 2
     assert re.fullmatch(f"skmotionseg: .*{words}.*\n", errors)
+
+
+@pytest.mark.parametrize(
+    "n_frames, options, words",
+    [
+        (102, ("--report", "report.png"), "--report is for clips of up to 100 frames"),
+        (6, ("--min-motions", 5, "--max-motions", 3), "--min-motions must not exceed"),
+    ],
+)
+def test_segment_refuses_options_before_it_tracks(
+    tmp_path, capsys, monkeypatch, n_frames, options, words
+):
+    monkeypatch.chdir(tmp_path)
+    path = write_video("grey.avi", [np.full((64, 64), 90, np.uint8)] * n_frames)
+    code, _, errors = run(capsys, "segment", path, *options)
+    assert code == 2
+    assert re.fullmatch(f"skmotionseg: {words}.*\n", errors)
+
+
+def test_segment_takes_a_video_of_three_frames(crossed, tmp_path, capsys):
+    path = write_video(tmp_path / "short.avi", crossed[:3], "MJPG")
+    code, printed, _ = run(capsys, "segment", path, "--motions", 2)
+    assert code == 0
+    assert "3 of 3" in printed
 
 
 def test_segment_refuses_a_video_without_texture(tmp_path, capsys):

@@ -33,6 +33,11 @@ from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
+# Where over-segments leave noise above this, in pixels of a video 640 pixels wide, they
+# may mix motions, of which there are more. They do if twice as many leave less than
+# this share of it: twelve that move apart leave 0.19, and scenes of two to eight, of
+# which hardly any is that rough, 0.35 and more.
+ROUGH, LESS_ROUGH = 0.3, 0.6
 # Nats per track by which a focal length must explain tracks better, for each unit of
 # the log of its ratio to the usual one. On simulated scenes, whose focal lengths are
 # within 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors
@@ -227,6 +232,16 @@ class RigidSearch:
         for (key, fit), motion in zip(new.items(), motions, strict=True):
             self._fitted[key] = fit, motion
         return [self._fitted[fit.key][1] for fit in fits]
+
+    @property
+    def noise(self):
+        """What the over-segments leave, in pixels of a video 640 pixels wide."""
+        return self.scale / SCALE_OF_NOISE * self.windows.pixels
+
+    def restart(self, labels):
+        """Forget focal length and motions, and choose them by other groups."""
+        self._fitted = {}
+        self.calibrate(labels)
 
     def calibrate(self, labels, steps=(), motions=None):
         """Choose focal length and scale of the noise by the larger groups of labels.
@@ -720,7 +735,7 @@ class RigidPartitions(NamedTuple):
     chosen: int
 
 
-def rigid_partitions(search, over_segments, counts, candidates, bisect):
+def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=None):
     """Partitions of least energy, and how many motions there are.
 
     The number of motions is the largest of which a partition is found whose motions
@@ -738,6 +753,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
         ``n_motions -> iterable of labels (n,)``: more partitions to start from.
     bisect : callable
         Takes the positions of a group to booleans, or to None if it cannot be parted.
+    finer : callable, optional
+        ``n_groups -> list of labels (n,)``: over-segments, perhaps fewer groups.
 
     Returns
     -------
@@ -746,6 +763,9 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     """
     fewest, most = int(counts[0]), int(counts[-1])
     bisect = _once_per_group(bisect)
+    search.calibrate(over_segments[0])
+    if finer is not None:
+        over_segments = _fine_enough(search, over_segments, most, finer)
     paths = calibrated_paths(search, over_segments)
     steps: dict[int, Step] = {}
     for step in (step for path in paths for step in path):
@@ -781,6 +801,21 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect):
     return RigidPartitions(steps, chosen)
 
 
+def _fine_enough(search, over_segments, most, finer):
+    """Over-segments that mix no motions, and the search calibrated by them."""
+    while search.noise > ROUGH:
+        noise, n_groups = search.noise, int(over_segments[0].max()) + 1
+        more = finer(2 * n_groups) if n_groups < most else []
+        if not more or more[0].max() < n_groups:
+            break
+        search.restart(more[0])
+        if search.noise > LESS_ROUGH * noise:
+            search.restart(over_segments[0])
+            break
+        over_segments = more
+    return over_segments
+
+
 def calibrated_paths(search, over_segments):
     """Descents from over-segments to one group, seen by a calibrated camera.
 
@@ -792,13 +827,13 @@ def calibrated_paths(search, over_segments):
     Parameters
     ----------
     search : RigidSearch
+        Calibrated by the first of them.
     over_segments : list of ndarray of int, shape (n,)
 
     Returns
     -------
     list of list of Step
     """
-    search.calibrate(over_segments[0])
     first, *others = over_segments
     (path,) = _descents(search, [first])
     last = _last_apart(path)

@@ -313,9 +313,7 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     Starts are partitions (n,) that are tried beside spectral clusterings.
     """
     windows = _windows(clip)
-    most = min(max(OVERSEGMENTATION, int(counts[0]) + 2), len(clip.points))
-    graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
-    graphs = [graph for graph in graphs if graph.n_leading > 1]
+    graphs = _graphs(clip, max(OVERSEGMENTATION, int(counts[0]) + 2))
     if windows is None or not graphs or counts[-1] == 1:
         return None
 
@@ -331,10 +329,26 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     share = focal_length and focal_length / windows.size
     few = strongest(views[0], LINKS)
     search = RigidSearch(windows, views.sum(axis=0), few, share)
-    over_segments = [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
+
+    def finer(n_groups):
+        return _over_segments(clip, _graphs(clip, n_groups), cluster)
+
+    over_segments = _over_segments(clip, graphs, cluster)
     bisect = partial(_bisect, clip, cluster)
-    found = rigid_partitions(search, over_segments, counts, candidates, bisect)
+    found = rigid_partitions(search, over_segments, counts, candidates, bisect, finer)
     return None if found is None else _rigid_costs(search, found)
+
+
+def _graphs(clip, most):
+    """Graphs of so many clusters at most, the sparsest first, that have some."""
+    most = min(most, len(clip.points))
+    graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
+    return [graph for graph in graphs if graph.n_leading > 1]
+
+
+def _over_segments(clip, graphs, cluster):
+    """A partition by each graph into as many clusters as it has."""
+    return [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
 
 
 def _rigid_costs(search, found):
