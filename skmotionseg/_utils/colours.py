@@ -16,6 +16,8 @@ COLOURS = (
     "#7b3294",
     "#a6d854",
 )
+# How much of black or white is mixed into them where there are more motions than these.
+SHADES = ((0.0, 0), (0.45, 0), (0.5, 255))
 OUTLIER_COLOUR = "#b0b0b0"
 # Curves and bars on white, which have no background among them: the same colours,
 # without the quiet one.
@@ -28,8 +30,17 @@ OUTLINE_COLOUR = "#56b4e9"
 
 
 def motion_colour(label):
-    """The colour, as ``"#rrggbb"``, of a motion's number; -1 is grey."""
-    return OUTLIER_COLOUR if label < 0 else COLOURS[label % len(COLOURS)]
+    """The colour, as ``"#rrggbb"``, of a motion's number; -1 is grey.
+
+    Ten are as in ``COLOURS``, the ten that follow darker, and then ten lighter.
+    """
+    if label < 0:
+        return OUTLIER_COLOUR
+    turn, position = divmod(label, len(COLOURS))
+    share, towards = SHADES[turn % len(SHADES)]
+    parts = [int(COLOURS[position][i : i + 2], 16) for i in (1, 3, 5)]
+    mixed = [round((1 - share) * part + share * towards) for part in parts]
+    return "#" + "".join(f"{part:02x}" for part in mixed)
 
 
 def series_colour(position):

@@ -239,7 +239,9 @@ class CountDisplay:
         if passed_over.any():
             self.passed_over_line_ = self._draw_hollow(counts, costs[:, 2], passed_over)
         self.ax_.set(xlabel="number of motions", ylabel="cost")
-        self.ax_.xaxis.set_major_locator(ticker.MaxNLocator(integer=True))
+        self.ax_.xaxis.set_major_locator(
+            ticker.MaxNLocator(integer=True, min_n_ticks=1)
+        )
         self.legend_ = legend_below(self.ax_, 2)
         return self
 

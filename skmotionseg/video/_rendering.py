@@ -28,6 +28,8 @@ SILENT = 0  # a log level of OpenCV, which has no name in all versions
 RENDER_ENDINGS = (".mp4", ".png")
 # Frames on a contact sheet, and how wide one is drawn at most.
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
+# Pixels to which narrower frames are enlarged there, and those of "frame 123".
+NARROWEST_TILE, CAPTION_WIDTH = 80, 112
 # Share of a mask's colour in what is drawn of it: the image shows through.
 COVER = 0.4
 # Pixels from the corner at which points are drawn at most: no picture is as wide, and
@@ -292,14 +294,16 @@ def _draw_tiles(frames, pen, n_frames):
             continue
         height, width = np.shape(frame[0] if isinstance(frame, tuple) else frame)[:2]
         scale = min(1.0, SHEET_TILE / max(height, width))
+        scale = max(scale, NARROWEST_TILE / width)
         tile = pen.draw(frame, number, scale)
+        size = min(1.0, tile.shape[1] / CAPTION_WIDTH)
         for colour, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
             cv2.putText(
                 tile,
                 f"frame {number}",
-                (8, 22),
+                (round(8 * size), round(22 * size)),
                 cv2.FONT_HERSHEY_SIMPLEX,
-                0.6,
+                0.6 * size,
                 colour,
                 thickness,
                 cv2.LINE_AA,

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import KDTree
 
 from .._core.geometry.tracks import unpack_tracks
-from .._utils.colours import COLOURS, OUTLIER_COLOUR
+from .._utils.colours import COLOURS, OUTLIER_COLOUR, SHADES, motion_colour
 from .._utils.optional import require
 from .._utils.png import encode_grey
 from .._utils.validation import check_label_each
@@ -27,6 +27,8 @@ from ._rendering import DEFAULT_FPS, with_masks
 
 # Longer side of the pictures in a page, pixels; their quality as JPEG; tracks at most.
 VIEW_SIDE, QUALITY, MOST_TRACKS = 640, 75, 3000
+# Colours of motions that differ.
+N_COLOURS = len(COLOURS) * len(SHADES)
 # Tracks of its motion with which a track is compared.
 N_NEIGHBOURS = 8
 
@@ -112,7 +114,7 @@ def write_viewer(
         "height": images["height"],
         "fps": frames.fps or DEFAULT_FPS,
         "motions": motions,
-        "colours": COLOURS,
+        "colours": [motion_colour(motion) for motion in range(N_COLOURS)],
         "outlier": OUTLIER_COLOUR,
         "tracks": _describe(points, visibility, labels, sure, scale),
     }

@@ -12,7 +12,7 @@ from itertools import pairwise
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgb
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -593,6 +593,12 @@ def test_a_setting_without_a_score_is_left_blank():
     assert [text.get_text() for text in display.texts_[0]] == ["10.0", "-"]
     assert display.texts_[0, 0].get_fontweight() == "bold"
     assert display.colorbar_ is None
+
+
+def test_thirty_motions_have_colours_of_their_own():
+    colours = {motion_colour(motion) for motion in range(30)} | {motion_colour(-1)}
+    assert len(colours) == 31
+    assert all(to_hex(to_rgb(colour)) == colour for colour in colours)
 
 
 def test_numbers_can_be_read_on_their_colours():

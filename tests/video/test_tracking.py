@@ -457,6 +457,16 @@ def test_a_sheet_of_large_frames_is_scaled(tmp_path):
     np.testing.assert_array_equal(sheet[:, 2 * 640 :], 255)
 
 
+def test_a_sheet_of_tiny_frames_is_enlarged(tmp_path):
+    frames = np.full((2, 24, 32), 200, dtype=np.uint8)
+    render_segmentation(frames, [[20, 15] * 2], [1], tmp_path / "sheet.png")
+    sheet = cv2.imread(str(tmp_path / "sheet.png"))
+    assert sheet.shape == (60, 3 * 80, 3)
+    left = sheet[:, :80]
+    np.testing.assert_array_equal(left[39, 51], bgr(COLOURS[1]))
+    assert (left[:20] != left[-1, -1]).any(axis=(1, 2)).sum() > 5  # its caption
+
+
 def test_trails_go_back(tmp_path):
     frames = np.full((2, 60, 80), 200, dtype=np.uint8)
     X = [[20, 40, 50, 40]]
