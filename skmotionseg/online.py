@@ -43,10 +43,10 @@ class OnlineMotionSegmenter(BaseEstimator):
     enough, is joined. The focal length and one coefficient of lens distortion are
     estimated at the start, and again in every sixth frame.
 
-    Ten frames do not show all motions, and noise may look like one: after 15, 22 and 33
-    frames, all frames so far are segmented again. That adds motions, places tracks and
-    joins what is one motion with 80 % or more, unless it was found apart twice. These
-    four updates take seconds, all others a fraction of one.
+    Ten frames do not show all motions, and noise may look like one: after 15, 22, 33
+    and 50 frames, all frames so far are segmented again. That adds motions, places
+    tracks and joins what is one motion with 80 % or more, unless it was found apart
+    twice. These five updates take seconds, all others a fraction of one.
 
     Labels are identities that last. A motion keeps its number as long as it lives, and
     a number is given once. 0 is the static scene. What stops keeps its number, and what
@@ -58,7 +58,8 @@ class OnlineMotionSegmenter(BaseEstimator):
     ----------
     n_motions : int or "auto", default="auto"
         Number of motions that there are in the whole video, the static scene being one:
-        no more numbers are given. In view may be fewer.
+        no more numbers are given, and what comes back, however late, gets one of these.
+        In view may be fewer. After a cut there are as many again.
     keep_history : bool, default=True
         Whether labels of tracks that are out of view are kept, for :meth:`result` and
         for tracks that come back after more than twelve frames. That takes about a bit

@@ -177,6 +177,8 @@ def test_of_a_motion_that_was_nowhere_nothing_is_expected():
     numbers.forget_all()
     assert (numbers.hidden, numbers.traces, numbers.proven) == (set(), {}, set())
     assert numbers.next == 2  # no number is given twice
+    assert numbers.of(None, SIZE, {0}, most=2) == (2, False)  # one of two was given up
+    assert numbers.of(None, SIZE, {0, 2}, most=2) == (None, False)
 
 
 def test_a_part_that_was_seen_nowhere_is_of_what_it_shares():

@@ -197,6 +197,27 @@ def test_a_search_gives_no_more_numbers_than_motions(movie):
     assert stream.numbers.next == 1
 
 
+@pytest.mark.parametrize("n_motions", [None, 2])
+def test_what_is_away_for_long_is_given_up_unless_its_number_is_known(n_motions):
+    """Also while nothing is seen; then what comes back is one of so many."""
+    movie = film(n_frames=FIRST_FRAMES + 2, n_static=60, n_moving=30)
+    stream = MotionStream(n_motions, np.random.RandomState(0))
+    begins, kinds = told(movie), []
+
+    def partition(points, seen, n_living):
+        nothing = np.full(len(points), -1)
+        return nothing if n_living else begins(points, seen, n_living)
+
+    for frame in range(movie.n_frames + 130):
+        seen = movie.frame(frame) if frame < movie.n_frames else ([], [])
+        points, ids = (np.asarray(each) for each in seen)
+        _, events = stream.step(points.reshape(-1, 2), ids.astype(int), partition)
+        kinds += [event.kind for event in events]
+    assert kinds.count("hidden") == 2
+    assert kinds.count("gone") == (2 if n_motions is None else 0)
+    assert (set(stream.numbers.traces) == set()) == (n_motions is None)
+
+
 def test_frames_are_kept_until_the_last_search():
     movie = film(n_frames=SEARCHED_AGAIN[-1], life=20, n_static=90, n_moving=30)
     asked = []

@@ -225,6 +225,16 @@ def test_after_a_cut_numbers_are_new_but_that_of_the_scene(half):
     assert_array_equal(labels[-1] > 0, other.things[ids] == 1)
 
 
+def test_after_a_cut_there_are_as_many_motions_again(movie):
+    _, _, segmenter = play(movie, OnlineMotionSegmenter(2, random_state=0), range(12))
+    other = film(n_frames=20, seed=5)
+    for frame in range(20):
+        points, ids = other.frame(frame)
+        labels = segmenter.update(points, ids + 1000)
+    assert set(labels) == {0, 2}
+    assert_array_equal(labels > 0, other.things[ids] == 1)
+
+
 BAD = {
     "one needs shape": (ValueError, "must have shape", [1.0, 2.0], [0]),
     "too few ids": (ValueError, "need one track id each", [[1.0, 2.0]] * 2, [0]),

@@ -190,6 +190,9 @@ class Numbers:
     ----------
     next : int
         Given to the next new motion.
+    ended : int
+        How many were given before all motions were given up, but that of the static
+        scene, which goes on.
     traces : dict of int to Trace
     hidden : set of int
         Motions that nobody sees.
@@ -204,7 +207,7 @@ class Numbers:
     """
 
     def __init__(self):
-        self.next = 0
+        self.next = self.ended = 0
         self.traces = {}
         self.hidden = set()
         self.proven = set()
@@ -242,6 +245,7 @@ class Numbers:
 
     def forget_all(self):
         """Give up all motions."""
+        self.ended = max(self.next - 1, 0)
         self.traces, self.hidden, self.proven = {}, set(), set()
 
     def of(self, first, size, living, former=None, most=None, fading=(), shared=None):
@@ -258,7 +262,8 @@ class Numbers:
         former : int, optional
             The number that most of its tracks had: theirs, if nobody has it.
         most : int, optional
-            Numbers that may be given. If all are, it is the likeliest hidden one.
+            Numbers that may be given, but for those before all were given up. If all
+            are, it is the likeliest hidden one.
         fading : collection of int
             Motions that have lost their tracks, and are not hidden yet: they may be
             this one as well as those that are.
@@ -275,7 +280,7 @@ class Numbers:
         if former is not None and 0 <= former < self.next and former not in living:
             self.hidden.discard(former)
             return former, True
-        full = most is not None and self.next >= most
+        full = most is not None and self.next - self.ended >= most
         known = self._evidence(first, size, fading)
         if full and first is not None and shared in self.traces:
             known[shared] = self.traces[shared].evidence_of_part(size)

@@ -149,7 +149,8 @@ class Joiner:
             known = self._log_odds.get(number, 0.0)
             self._log_odds[number] = known + logit(min(surely, MOST_SURE))
         self._vote(part.tracks, names[labels], seen.sum(axis=1))
-        self.numbers.forget(part.start)
+        if self.most is None:  # else, what comes back is one of so many
+            self.numbers.forget(part.start)
 
     def leave_out(self, part, labels):
         """Take note of a window that joins nothing: the next goes on with the last.

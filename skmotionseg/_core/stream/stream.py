@@ -141,6 +141,7 @@ class MotionStream:
         if self.motions:
             events += self._follow()
             events += self._search_again(partition)
+        events += self._forget()
         if not self.motions:
             events += self._start(partition)
         return self.labels()[rows], events
@@ -353,14 +354,22 @@ class MotionStream:
         residuals, events = self._judge(window, residuals)
         self._look(window, residuals)
         self._calibrate(window)
-        events += [
-            Event(self.frame, "gone", f"motion {number} has not been seen for long")
-            for number in self.numbers.forget(self.frame)
-        ]
         if self.broken >= CUT_AFTER:
             self._cut()
             events.append(Event(self.frame, "cut", "a cut: all motions have ended"))
         return events
+
+    def _forget(self):
+        """Give up motions that were not seen for long, unless their number is known.
+
+        Then what comes back is one of so many.
+        """
+        if self.n_motions is not None:
+            return []
+        return [
+            Event(self.frame, "gone", f"motion {number} has not been seen for long")
+            for number in self.numbers.forget(self.frame)
+        ]
 
     def _calibrate(self, window):
         """Improve the camera."""
