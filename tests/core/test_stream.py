@@ -213,6 +213,8 @@ def test_what_is_away_for_long_is_given_up_unless_its_number_is_known(n_motions)
         points, ids = (np.asarray(each) for each in seen)
         _, events = stream.step(points.reshape(-1, 2), ids.astype(int), partition)
         kinds += [event.kind for event in events]
+        if n_motions is None:
+            stream.numbers.proven.update(range(stream.numbers.next))
     assert kinds.count("hidden") == 2
     assert kinds.count("gone") == (2 if n_motions is None else 0)
     assert (set(stream.numbers.traces) == set()) == (n_motions is None)

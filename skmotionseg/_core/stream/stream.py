@@ -610,7 +610,8 @@ class MotionStream:
             words = f"motion {heir.number} is the same as {motion.number}"
             self._join(heir.number, motion.number)
             heir.number, heir.apart = motion.number, motion.apart
-        elif motion.number in self.numbers.proven:  # else it may not have been one
+        elif motion.number in self.numbers.proven or self.n_motions is not None:
+            # Else it may not have been one; but of so many, its number is free again.
             self.numbers.hide(motion.number)
         events.append(Event(self.frame, decision, words))
 
