@@ -58,7 +58,7 @@ def static_mask(
         if not len(motions):
             raise ValueError("none of the tracks belongs to a motion")
         background = motions[sizes.argmax()]
-    elif not (labels == background).any():
+    elif background < 0 or not (labels == background).any():
         raise ValueError(
             f"background must be the label of a motion; got {background}, where there "
             f"are {np.unique(labels).tolist()}"

@@ -12,13 +12,14 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ._core.geometry.tracks import pack_tracks
+from ._core.geometry.tracks import covered, pack_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.scene import background_motion
 from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
 from ._segmenter.motions import stream_reasons
+from ._utils.validation import TooFewTracksError
 from .segmentation import MotionSegmenter
 
 # Motions that are looked for in the first frames, if their number is not given.
@@ -242,11 +243,10 @@ class OnlineMotionSegmenter(BaseEstimator):
         )
         try:
             labels = _with_living(segmenter.fit(pack_tracks(points, seen)), n_living)
-        except ValueError:  # too few tracks are seen together
+        except TooFewTracksError:  # seen together
             return np.full(len(points), -1)
-        some = points[seen]
-        low = some.min(axis=0)
-        size = np.maximum(some.max(axis=0) - low, 1)
+        low, high = covered(points[seen])
+        size = np.maximum(high - low, 1)
         static = background_motion(points - low, seen, labels, size)
         return _with_first(canonical_labels(labels), static)
 

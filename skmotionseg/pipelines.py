@@ -229,5 +229,5 @@ def _view_pipeline(model, seed, memory, given):
     # Pipeline never caches its last step, so the kernel must not be the last.
     return Pipeline(
         [("sampler", sampler), ("kernel", kernel), ("affinity", "passthrough")],
-        memory=memory,
+        memory=os.fspath(memory) if isinstance(memory, os.PathLike) else memory,
     )

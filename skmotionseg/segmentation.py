@@ -22,6 +22,7 @@ from sklearn.utils.validation import check_is_fitted
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
 from ._core.geometry.tracks import (
+    covered,
     covisible_pairs,
     frame_pairs,
     non_empty_frames,
@@ -784,8 +785,7 @@ class _Stopwatch:
 
 def _background(points, visibility, labels):
     """The static scene, in an image that is what the tracks cover."""
-    some = points[visibility]
-    low, high = some.min(axis=0), some.max(axis=0)
+    low, high = covered(points[visibility])
     size = np.maximum(high - low, 1e-9)
     return background_motion(points - low, visibility, labels, size)
 

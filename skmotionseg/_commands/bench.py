@@ -8,7 +8,7 @@ from pathlib import Path
 
 from .._utils.optional import require
 from .._utils.words import counted
-from .._utils.writing import check_output, replacing
+from .._utils.writing import check_apart, check_output, replacing
 from .console import count, jobs, progress_console, with_progress
 
 METHODS_HELP = (
@@ -100,11 +100,13 @@ def _run_bench(arguments):
     console = require("rich.console", extra="cli").Console()
     check_output(arguments.json)
     check_output(arguments.resume)
+    written = {"--resume": arguments.resume, "--json": arguments.json}
+    check_apart(arguments.data, written)
     journal = None if arguments.resume is None else Journal(arguments.resume)
     if arguments.paper:
         _run_paper(arguments, console, journal)
         return
-    methods = arguments.methods or list(METHODS)
+    methods = list(dict.fromkeys(arguments.methods or METHODS))
     sequences = find_sequences(arguments.data, arguments.datasets, arguments.every)
     batches = run(sequences, methods, arguments.seeds, arguments.jobs, journal)
     records = _collect(arguments, sequences, batches)

@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from .._utils.optional import require
-from .._utils.writing import check_output, replacing
+from .._utils.writing import check_apart, check_output
 from .console import facts_table
 from .label_files import begin_observations, write_frame
-from .method_options import METHOD_OPTIONS, option_name
+from .method_options import FILE_OPTIONS, METHOD_OPTIONS, option_name
 from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
 N_POINTS = 500
 # What does not go with it, as it needs the whole video.
-WHOLE = ("split_dir", "report", "masks", "static_masks", "prompts", "viewer")
+WHOLE = (
+    "split_dir",
+    "report",
+    "masks",
+    "static_masks",
+    "prompts",
+    "viewer",
+    "confidence",
+    "resume",
+)
 # Options of a segmenter of clips that the one of streams does not have.
-OF_CLIPS = ("min_motions", "max_motions", "models", "selection")
+OF_CLIPS = ("min_motions", "max_motions", "models", "selection", "jobs")
 
 
 def segment_live(arguments):
@@ -45,14 +56,12 @@ def segment_live(arguments):
     )
     started = time.perf_counter()
     with ExitStack() as files:
-        table, window = None, None
+        window = None
+        files.enter_context(_ended_as_by_ctrl_c())
         if not arguments.no_window:
             window = _window(str(arguments.file), console)
             files.callback(window.close)
-        if arguments.out is not None:
-            table = files.enter_context(replacing(arguments.out))
-            begin_observations(table)
-        labelled = _labelled(frames, segmenter, table, arguments, console)
+        labelled = _labelled(frames, segmenter, files, arguments, console)
         if window is not None:
             labelled = _shown(labelled, window, console)
         if arguments.render is None:
@@ -67,7 +76,7 @@ def _check(arguments):
     check_output(arguments.out, (".csv",))
     check_output(arguments.render, (".mp4",))
     for name in WHOLE:
-        if getattr(arguments, name, None) is not None:
+        if getattr(arguments, name, None):
             raise ValueError(
                 f"{option_name(name)} needs the whole video, and --live has a frame"
             )
@@ -75,6 +84,11 @@ def _check(arguments):
         option = option_name(name)
         if getattr(arguments, name) != METHOD_OPTIONS[option].get("default"):
             raise ValueError(f"{option} is for clips, and --live has a stream")
+    for name in FILE_OPTIONS:
+        if getattr(arguments, name.lstrip("-").replace("-", "_")) is not None:
+            raise ValueError(f"{name} is for track files, and --live has a video")
+    written = {"--out": arguments.out, "--render": arguments.render}
+    check_apart(arguments.file, written)
 
 
 def _source(file):
@@ -83,7 +97,33 @@ def _source(file):
     return int(text) if text.isdecimal() and not Path(file).exists() else file
 
 
-def _labelled(frames, segmenter, table, arguments, console):
+@contextmanager
+def _ended_as_by_ctrl_c():
+    """Let what ends a process do as Ctrl-C does, which completes the files."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # where signals cannot be handled
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _begin_table(path, files):
+    """The table of labels, open until all files are closed; None if there is none.
+
+    It is not written beside its place to be put there in the end: whatever ends the
+    command, what was found until then is there.
+    """
+    if path is None:
+        return None
+    table = files.enter_context(path.open("wb"))
+    begin_observations(table)
+    return table
+
+
+def _labelled(frames, segmenter, files, arguments, console):
     """Yield frames with their points and labels, until the end or Ctrl-C."""
     from ..video import follow_points
 
@@ -96,14 +136,18 @@ def _labelled(frames, segmenter, table, arguments, console):
         max_frames=arguments.max_frames,
         max_side=arguments.max_side,
     )
+    table = None
     try:
         for number, each in enumerate(tracked):
+            if number == 0:
+                table = _begin_table(arguments.out, files)
             points, ids = each.points, each.ids
             labels = segmenter.update(points, ids)
             for event in segmenter.events_:
                 console.print(str(event), highlight=False)
             if table is not None:
                 write_frame(table, number, ids, points, labels)
+                table.flush()
             yield each.frame, points, labels
     except KeyboardInterrupt:  # how one ends what a camera films
         console.print("stopped", highlight=False)

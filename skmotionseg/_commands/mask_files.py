@@ -64,6 +64,19 @@ def check_mask_options(arguments, video):
     check_output(arguments.viewer, (".html",))
 
 
+def check_mask_names(arguments, frames):
+    """Refuse frames whose masks would have one name, before any work."""
+    if arguments.masks is None:
+        return
+    masks: dict[str, str] = {}
+    for name in frames.names or []:
+        other = masks.setdefault(_mask_name(name), name)
+        if other != name:
+            raise ValueError(
+                f"the masks of {other} and {name} would both be {_mask_name(name)}"
+            )
+
+
 def write_masks(arguments, frames, sequence, objects, console):
     """Write the masks that are asked for.
 
@@ -106,10 +119,14 @@ def make_folders(arguments):
             folder.mkdir(exist_ok=True)
 
 
+def _mask_name(name):
+    return f"{Path(name).stem}.png"
+
+
 def write_mask(arguments, name, mask):
     """Write the mask of the frame of that name to the folders that are asked for."""
     if arguments.masks is not None:
-        with replacing(arguments.masks / f"{Path(name).stem}.png") as file:
+        with replacing(arguments.masks / _mask_name(name)) as file:
             file.write(encode_labels(mask))
     if arguments.static_masks is not None:
         with replacing(arguments.static_masks / f"{name}.png") as file:

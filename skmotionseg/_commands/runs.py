@@ -86,7 +86,7 @@ def find_sequences(folder, datasets, every=1):
         datasets = datasets_in(folder, LOADERS)
     return [
         (dataset, sequence)
-        for dataset in datasets
+        for dataset in dict.fromkeys(datasets)
         for sequence in list(LOADERS[dataset](folder / dataset))[::every]
     ]
 

@@ -11,19 +11,20 @@ from sklearn.utils import Bunch
 
 from .._segmenter.long_clips import LONG_CLIP
 from .._utils.optional import require
-from .._utils.writing import check_folder_of, check_output
-from ..video._frames import is_video
+from .._utils.writing import check_apart, check_folder_of, check_output
+from ..video._frames import PICTURE_ENDINGS, is_video
 from .console import PICTURES, count, progress_console
 from .findings import print_findings
 from .label_files import LABEL_ENDINGS, write_labels
 from .live import segment_live
 from .long_videos import WINDOWS, segment_stored
-from .mask_files import add_mask_options, check_mask_options
+from .mask_files import add_mask_options, check_mask_names, check_mask_options
 from .method_options import (
     add_method_options,
     check_method_options,
     file_options,
     method_parameters,
+    option_name,
 )
 from .pictures import draw
 from .video_tracks import (
@@ -36,6 +37,18 @@ from .video_tracks import (
     track_to,
 )
 
+# Options that name what is written, each a file or a folder of its own.
+OUTPUTS = (
+    "out",
+    "split_dir",
+    "render",
+    "report",
+    "masks",
+    "static_masks",
+    "prompts",
+    "viewer",
+    "resume",
+)
 OPTIONS: dict[str, dict[str, Any]] = {
     "--out": {
         "type": Path,
@@ -157,6 +170,7 @@ def _segment_video(run):
     """Track a video; segment its tracks at once, or those of a long one in windows."""
     arguments, segmenter, _, progress, started = run
     frames = open_video(arguments)
+    check_mask_names(arguments, frames)
     _check_length(arguments, expected_length(arguments, frames))
     if not goes_in_blocks(arguments, frames):
         tracks, size = track_at_once(arguments, frames, progress)
@@ -210,12 +224,29 @@ def _check_options(arguments, video):
     check_mask_options(arguments, video)
     check_method_options(arguments, video)
     check_folder_of(arguments.resume)
+    check_apart(
+        arguments.file, {option_name(n): getattr(arguments, n) for n in OUTPUTS}
+    )
+    _check_pictures(arguments)
     if arguments.resume is not None and not video:
         raise ValueError(
             f"--resume is for videos; {arguments.file} is a file of tracks"
         )
     if arguments.confidence and arguments.out is None:
         raise ValueError("--confidence is written with the labels: add --out FILE")
+
+
+def _check_pictures(arguments):
+    """Refuse pictures among the frames of a folder: next time, they would be some."""
+    if not arguments.file.is_dir():
+        return
+    for path in (arguments.render, arguments.report):
+        is_picture = path is not None and path.suffix.lower() in PICTURE_ENDINGS
+        if is_picture and path.absolute().parent.samefile(arguments.file):
+            raise ValueError(
+                f"{path} would be one of the frames in {arguments.file}: write it to "
+                "another folder"
+            )
 
 
 def _check_length(arguments, n_frames):

@@ -9,7 +9,12 @@ import numpy as np
 from sklearn.base import clone
 from sklearn.utils import gen_batches
 
-from .._core.geometry.tracks import non_empty_frames, pack_tracks, unpack_tracks
+from .._core.geometry.tracks import (
+    covered,
+    non_empty_frames,
+    pack_tracks,
+    unpack_tracks,
+)
 from .._core.labels import canonical_labels
 from .._core.stream.joining import Joiner, left_out, parts_of
 from .._parallel.engine import run_tasks
@@ -81,8 +86,7 @@ class LongClip:
         for points, visibility in map(unpack_tracks, _batches(X)):
             seen.append(visibility)
             if visibility.any():
-                some = points[visibility]
-                corners += [some.min(axis=0), some.max(axis=0)]
+                corners += covered(points[visibility])
         visibility = np.concatenate(seen)
         self.frames = non_empty_frames(visibility, fewest)
         self.n_tracks, self.n_frames = len(X), len(self.frames)

@@ -34,6 +34,29 @@ def check_output(path, endings=None):
         raise ValueError(f"{path} is not a file that could be written over")
 
 
+def check_apart(source, outputs):
+    """Refuse to write over what is read, or twice to one file, before any work.
+
+    Parameters
+    ----------
+    source : Path
+        A file or a folder that is read.
+    outputs : dict of str to (Path or None)
+        What is written, by the name of the option that says where to.
+
+    Raises
+    ------
+    ValueError
+    """
+    known = {os.path.realpath(source): "the input"}
+    for option, path in outputs.items():
+        if path is not None:
+            place = os.path.realpath(path)
+            if place in known:
+                raise ValueError(f"{option} and {known[place]} are the same: {path}")
+            known[place] = option
+
+
 def check_folder_of(path):
     """Refuse a path whose folder does not exist; None will do."""
     if path is not None and not path.absolute().parent.is_dir():

@@ -111,9 +111,9 @@ def load_tracks(
         (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
         without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
         thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
-        observations or with an index gives ``track_ids``, the name of each row; a .dat
-        gives
-        ``track_labels``, the motions that its writer found.
+        observations or with an index, and a .npz that has them, give ``track_ids``, the
+        name of each row; a .dat gives ``track_labels``, the motions that its writer
+        found.
 
     Raises
     ------

@@ -11,6 +11,16 @@ from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 
+# Names of what tells where points are seen.
+SEEN = (
+    "visibility",
+    "pred_visibility",
+    "visibles",
+    "visible",
+    "vis",
+    "visibilities",
+    "pred_visibilities",
+)
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
 # Fewer tracks than a fundamental matrix needs may be anything.
@@ -44,7 +54,7 @@ def read_npz(path, *, layout=None, visible_above=None, size_known=False):
     """
     with NpzArrays(path) as arrays:
         if "X" in arrays and "points" not in arrays:
-            data = _real(arrays, "X")
+            data = _matrix(arrays, layout, visible_above)
         else:
             name = _points_name(arrays)
             layout = layout or _implied_layout(name, arrays)
@@ -58,7 +68,10 @@ def read_npz(path, *, layout=None, visible_above=None, size_known=False):
         labels = None
         if "labels" in arrays:
             labels = whole_numbers(arrays["labels"], "labels")
-    return {"data": data, "target": labels, "image_size": image_size}
+        found = {"data": data, "target": labels, "image_size": image_size}
+        if "track_ids" in arrays:
+            found["track_ids"] = _ids(arrays["track_ids"], len(data))
+    return found
 
 
 def _real(arrays, name):
@@ -66,6 +79,28 @@ def _real(arrays, name):
     if array.dtype.kind not in "fiub":
         raise ValueError(f"{name!r} must be real numbers; got dtype {array.dtype}")
     return array.astype(float, copy=False)
+
+
+def _matrix(arrays, layout, visible_above):
+    """Tracks as this package writes them, and perhaps where they are seen."""
+    data = _real(arrays, "X")
+    visibility, visible_above = _visibility(arrays, visible_above)
+    if layout is not None:
+        raise ValueError("'X' has a row per track: layout is for 'points' and 'tracks'")
+    if visibility is None and visible_above is None:
+        return data
+    points, _ = unpack_tracks(data)
+    return pack_tracks(
+        points, visibility, layout="tracks_first", visible_above=visible_above
+    )
+
+
+def _ids(ids, n_tracks):
+    if ids.shape != (n_tracks,):
+        raise ValueError(
+            f"'track_ids' must be one per track, shape ({n_tracks},); got {ids.shape}"
+        )
+    return ids if ids.dtype.kind in "iu" else whole_numbers(ids, "'track_ids'")
 
 
 def _points_name(arrays):
@@ -87,7 +122,7 @@ def _implied_layout(name, arrays):
     """
     if name == "pred_tracks":
         return "frames_first"
-    if {"visibles", "occluded", "occlusion"} & set(arrays):
+    if {"visibles", "occluded", "occlusion", "occlusions"} & set(arrays):
         return "tracks_first"
     if name == "tracks":
         return _batch_layout(arrays)
@@ -124,13 +159,19 @@ def _spread(points):
 
 def _visibility(arrays, visible_above):
     """What tells which points are seen, or None, and what of it counts as seen."""
-    for name in ("visibility", "pred_visibility", "visibles"):
+    for name in SEEN:
         if name in arrays:
             return arrays[name], visible_above
     if "occluded" in arrays:
         return 1.0 - _real(arrays, "occluded"), visible_above
-    if "occlusion" in arrays:  # logits; seen as in tapnet's postprocess_occlusions
-        seen = expit(-_real(arrays, "occlusion"))
+    for name in ("occlusion", "occlusions"):
+        if name not in arrays:
+            continue
+        occlusion = _real(arrays, name)
+        if np.isin(occlusion, (0, 1)).all():  # flags, which no logits are
+            return 1.0 - occlusion, visible_above
+        # Seen as in tapnet's postprocess_occlusions.
+        seen = expit(-occlusion)
         if "expected_dist" in arrays:
             seen *= expit(-_real(arrays, "expected_dist"))
         return seen, 0.5 if visible_above is None else visible_above

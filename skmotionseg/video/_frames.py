@@ -56,6 +56,11 @@ class Frames:
         self._names = names
         self._stride = 1
 
+    @property
+    def names(self):
+        """File names of the frames, or None if they are in no files."""
+        return None if self._names is None else self._names[:: self._stride]
+
     def every(self, stride):
         """Every so many of the frames, from the first on."""
         fewer = copy(self)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from numbers import Real
 
 import numpy as np
 import numpy.typing as npt
@@ -11,6 +12,7 @@ from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects, ranked
 from .._utils.validation import check_label_each
+from ._checks import check_number
 from ._frames import Progress, Source
 from ._recognition import known_again
 
@@ -85,6 +87,8 @@ def find_objects(
     """
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
+    for name, side in (("width", width), ("height", height)):
+        check_number(name, side, Real, 1)
     size = width, height
     background = background_motion(points, visibility, labels, size)
     parts = moving_parts(points, visibility, labels, background, size)

@@ -30,6 +30,7 @@ RENDER_ENDINGS = (".mp4", ".png")
 SHEET_FRAMES, SHEET_COLUMNS, SHEET_TILE = 9, 3, 640
 # Pixels to which narrower frames are enlarged there, and those of "frame 123".
 NARROWEST_TILE, CAPTION_WIDTH = 80, 112
+MOST_LABEL = 255  # of a mask of bytes
 # Share of a mask's colour in what is drawn of it: the image shows through.
 COVER = 0.4
 # Pixels from the corner at which points are drawn at most: no picture is as wide, and
@@ -206,7 +207,13 @@ def with_masks(frames, masks):
             raise ValueError(
                 f"frame {number} needs a mask of shape {frame.shape[:2]}; got {got}"
             )
-        yield frame, np.asarray(mask, dtype=np.uint8)
+        mask = np.asarray(mask)
+        if mask.dtype.kind not in "biu" or mask.min() < 0 or mask.max() > MOST_LABEL:
+            raise ValueError(
+                f"a mask has whole numbers from 0 to {MOST_LABEL}; got, of frame "
+                f"{number}, {mask.min()} to {mask.max()}, dtype {mask.dtype}"
+            )
+        yield frame, mask.astype(np.uint8)
 
 
 class _Brush:

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg._core.geometry.tracks import (
     apply_similarity,
+    covered,
     covisible_pairs,
     frame_pairs,
     normalization,
@@ -31,6 +32,21 @@ def random_tracks(rng, n_tracks=7, n_frames=4):
 
 
 # --------------------------------------------------------------------------- packing
+
+
+@pytest.mark.parametrize("away", [1e4, -1e6])
+def test_what_points_cover_leaves_out_those_astray(rng, away):
+    points = rng.uniform([0, 0], [640, 480], (500, 2))
+    usual = np.array([points.min(axis=0), points.max(axis=0)])
+    points[7] = 320, away
+    assert_array_equal(covered(np.delete(points, 7, axis=0)), usual)
+    assert_array_equal(covered(points), usual)
+    points[7] = 320, 700  # beyond the others, as the end of a street may be
+    assert covered(points)[1][1] == 700
+    assert_array_equal(covered(points[:0]), np.zeros((2, 2)))
+    assert_array_equal(
+        covered(np.array([[1.0, 2.0]] * 99 + [[5, 2]])), [[1, 2], [5, 2]]
+    )
 
 
 def test_columns_are_x_and_y_frame_by_frame():

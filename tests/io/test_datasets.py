@@ -297,6 +297,45 @@ def test_probabilities_in_a_file(tracks, tmp_path):
     assert_array_equal(load_tracks(path, visible_above=0.9).data, X)
 
 
+FLAGS = {
+    "visible": lambda seen: seen,
+    "vis": lambda seen: seen.astype(float),
+    "pred_visibilities": lambda seen: seen,
+    "occlusion": lambda seen: ~seen,
+    "occlusions": lambda seen: 1.0 - seen,
+}
+
+
+@pytest.mark.parametrize("name", FLAGS)
+@pytest.mark.parametrize("points_name", ["points", "X"])
+def test_what_is_unseen_has_many_names(tracks, name, points_name, tmp_path):
+    """And is flags as well as logits, which are not all 0 or 1."""
+    points, visibility, X = tracks
+    path = tmp_path / "clip.npz"
+    given = points if points_name == "points" else points.reshape(len(X), -1)
+    np.savez(path, **{points_name: given, name: FLAGS[name](visibility)})
+    assert_allclose(load_tracks(path).data, X)
+
+
+def test_a_matrix_has_no_layout(tracks, tmp_path):
+    path = tmp_path / "clip.npz"
+    np.savez(path, X=tracks[-1])
+    with pytest.raises(ValueError, match="layout is for 'points'"):
+        load_tracks(path, layout="tracks_first")
+    with pytest.raises(ValueError, match="visible_above is about visibility"):
+        load_tracks(path, visible_above=0.5)
+
+
+@pytest.mark.parametrize("ids", [[7, 2**60, 1, 3, 4], np.arange(5.0)])
+def test_ids_of_an_archive(tracks, ids, tmp_path):
+    path = tmp_path / "clip.npz"
+    np.savez(path, X=tracks[-1], track_ids=ids)
+    assert_array_equal(load_tracks(path).track_ids, ids)
+    np.savez(path, X=tracks[-1], track_ids=ids[:4])
+    with pytest.raises(ValueError, match="'track_ids' must be one per track"):
+        load_tracks(path)
+
+
 def test_shares_of_an_image_of_unknown_size(tracks, tmp_path):
     points, visibility, X = tracks
     path = tmp_path / "clip.npz"

@@ -48,6 +48,7 @@ def test_the_background_can_be_told(scene, background):
         ([0], None, r"2 tracks need one label each; got labels of shape \(1,\)"),
         ([0.0, 1.0], None, "labels must be whole numbers; got dtype float64"),
         ([-1, -1], None, "none of the tracks belongs to a motion"),
+        ([-1, 1], -1, r"background must be .*; got -1, where there are \[-1, 1\]"),
         ([0, 1], 2, r"background must be .*; got 2, where there are \[0, 1\]"),
     ],
 )

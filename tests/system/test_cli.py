@@ -195,15 +195,16 @@ def test_segment_writes_labels(run, scene, scene_file, tmp_path, ending):
 def test_segment_reads_csv_and_draws(run, scene, tmp_path):
     X, _ = scene
     path, picture = tmp_path / "scene.csv", tmp_path / "scene.png"
+    out = tmp_path / "labels.csv"
     np.savetxt(path, X, delimiter=",")
     path.write_text(path.read_text().replace("nan", ""))
     code, printed, errors = run(
-        "segment", path, *BY_GRAPH, "--out", path, "--render", picture
+        "segment", path, *BY_GRAPH, "--out", out, "--render", picture
     )
     assert (code, errors) == (0, "")
     assert "misclassification" not in printed  # there are no labels to judge by
     assert facts(printed)["unseen"] == f"{np.isnan(X).mean():.1%}"
-    assert path.read_text().startswith("track,label\n")  # written over its input
+    assert out.read_text().startswith("track,label\n")
     assert picture.read_bytes().startswith(PNG)
 
 
@@ -578,6 +579,8 @@ ERRORS = {
     "segment {broken}": "broken.npz is not a track file",
     "segment {scene} --motions 999": "999 .* more than the .*90",
     "segment {scene} --out labels.txt": "end in .npz or .csv; got labels.txt",
+    "segment {scene} --out {scene}": "--out and the input are the same: .*scene.npz",
+    "segment {scene} --render a.png --report a.png": "--report and --render are the s",
     "segment {scene} --render motions.txt": "end in .* got motions.txt",
     "segment {scene} --out nowhere/labels.npz": "nowhere",
     "segment {scene} --render nowhere/motions.png": "nowhere",
@@ -604,6 +607,7 @@ ERRORS = {
     f"{BENCH} {{data}}/KT3DMoSeg": "folders Hopkins155, .*; is it --data",
     f"{BENCH} {{data}} --datasets MTPV62": r"no file \*_Tracks.mat in .*MTPV62",
     f"{BENCH} {{data}} --json nowhere/records.json": "nowhere",
+    f"{BENCH} {{data}} --json a --resume a": "--json and --resume are the same: a",
 }
 
 

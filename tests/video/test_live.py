@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from helpers.pictures import film_of_a_thing, write_video
@@ -205,6 +208,27 @@ def test_what_is_stopped_is_written(file, tmp_path, capsys, monkeypatch):
     assert set(rows[:, 1]) == {0, 1, 2, 3}
 
 
+def test_what_was_found_stays_whatever_ends_it(frames, tmp_path, capsys):
+    """A frame of another size in the middle; and a signal, as machines send one."""
+    folder, table = tmp_path / "frames", tmp_path / "live.csv"
+    folder.mkdir()
+    for number, frame in enumerate([*frames[:12], frames[0][:-4]]):
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    options = ["--no-window", "--out", str(table)]
+    assert main(["segment", "--live", str(folder), *options]) == 2
+    assert "frame 12 is 240 x 176" in capsys.readouterr().err
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert set(rows[:, 1]) == set(range(12))
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == ["live.csv"]
+
+
+def test_a_signal_ends_it_as_ctrl_c_does():
+    before = signal.getsignal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt), live._ended_as_by_ctrl_c():
+        os.kill(os.getpid(), signal.SIGTERM)
+    assert signal.getsignal(signal.SIGTERM) == before
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -214,6 +238,11 @@ def test_what_is_stopped_is_written(file, tmp_path, capsys, monkeypatch):
         (["--report", "report.png"], "--report needs the whole video"),
         (["--models", "affine"], "--models is for clips"),
         (["--selection", "ncre"], "--selection is for clips"),
+        (["--jobs", "1"], "--jobs is for clips"),
+        (["--confidence", "--out", "labels.csv"], "--confidence needs the whole video"),
+        (["--resume", "folder"], "--resume needs the whole video"),
+        (["--layout", "tracks_first"], "--layout is for track files"),
+        (["--image-size", "9", "9"], "--image-size is for track files"),
     ],
 )
 def test_what_a_stream_does_not_have_is_refused(options, words, file, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import shutil
 import weakref
 
 import numpy as np
@@ -504,6 +505,28 @@ def test_segment_refuses_where_masks_cannot_go(
     (tmp_path / "file").touch()
     assert main(["segment", str(folder), option, str(tmp_path / value)]) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--masks", "."), "--masks and the input are the same"),
+        (("--static-masks", "."), "--static-masks and the input are the same"),
+        (("--masks", "../m", "--static-masks", "../m"), "and --masks are the same"),
+        (("--render", "sheet.png"), "would be one of the frames in"),
+        (("--masks", "../m"), "the masks of im0.jpg and im0.png would both be im0.png"),
+    ],
+)
+def test_frames_are_not_written_over(folder, tmp_path, capsys, options, words):
+    frames = tmp_path / "frames"
+    shutil.copytree(folder, frames)
+    shutil.copy(frames / "im0.png", frames / "im0.jpg")
+    before = {path.name: path.read_bytes() for path in frames.iterdir()}
+    paths = [part if part[:2] == "--" else str(frames / part) for part in options]
+    assert main(["segment", str(frames), *paths]) == 2
+    assert words in capsys.readouterr().err
+    assert {path.name: path.read_bytes() for path in frames.iterdir()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 
 
 def test_masks_of_tracks_without_a_video_are_refused(tmp_path, capsys):

@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .tracks import covered
+
 # Least standard deviation of the noise: pixels in a video 640 pixels wide.
 REFERENCE_WIDTH = 640
 LEAST_NOISE = 0.15
@@ -57,7 +59,7 @@ class Camera(NamedTuple):
         Its focal length is a share of the larger side of what they cover, and its
         radius half of the diagonal.
         """
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = covered(points)
         size = float((high - low).max()) or 1.0
         noise = LEAST_NOISE / (REFERENCE_WIDTH * share)
         radius = float(np.hypot(*(high - low)) / 2) or 1.0

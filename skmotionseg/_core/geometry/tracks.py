@@ -11,6 +11,9 @@ import numpy.typing as npt
 # Points are in one spot when they lie closer than this share of their coordinates: the
 # mean of equal numbers is not always that number.
 ROUNDING = 1e-12
+# Points are astray if they are so many times farther out than the usual ones are apart:
+# in simulated scenes and real clips, those that are farthest out are 0.4 times.
+ASTRAY = 2.0
 # Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
 # how many of those with most tracks in common.
 ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
@@ -315,6 +318,32 @@ def non_empty_frames(visibility, fewest):
     """Positions of the frames that see something; of all, if those are fewer."""
     filled = np.flatnonzero(visibility.any(axis=0))
     return filled if len(filled) >= fewest else np.arange(visibility.shape[1])
+
+
+def covered(points):
+    """Least and greatest coordinates of points, but for those that are astray.
+
+    A lost track may be anywhere, and a picture as large as it would take all motions
+    in it for one. Astray is what lies farther from the middle 96 % of the points than
+    ``ASTRAY`` times the larger side of what these cover.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n, 2)
+
+    Returns
+    -------
+    low, high : ndarray of shape (2,)
+        Zeros if there are no points.
+    """
+    if not len(points):
+        return np.zeros(2), np.zeros(2)
+    low, high = np.percentile(points, [2, 98], axis=0)
+    reach = ASTRAY * (high - low).max()
+    if reach > 0:
+        near = ((points >= low - reach) & (points <= high + reach)).all(axis=1)
+        points = points[near]
+    return points.min(axis=0), points.max(axis=0)
 
 
 def normalization(points):

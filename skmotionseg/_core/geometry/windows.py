@@ -19,6 +19,7 @@ from .rigid_motion import (
     refine_rigid_motions,
     squared_residuals,
 )
+from .tracks import covered
 
 # Frames per window, and frames from one to the next, unless tracks live too briefly.
 WINDOW_FRAMES = 6
@@ -123,10 +124,7 @@ class Windows:
 
     def __init__(self, points, visibility, focal_length=1.0, frames=None):
         self.frames = window_frames(visibility) if frames is None else frames
-        some = points[visibility]
-        low, high = (
-            (some.min(axis=0), some.max(axis=0)) if len(some) else np.zeros((2, 2))
-        )
+        low, high = covered(points[visibility])
         self._middle, self.size = (low + high) / 2, float((high - low).max()) or 1.0
         self._look_at(points, visibility)
         self.set_focal_length(focal_length)

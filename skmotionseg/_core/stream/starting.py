@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..geometry.camera import Camera
+from ..geometry.tracks import covered
 from ..geometry.windows import best_focal_length
 from .assignment import measure
 from .calibration import CameraEstimate
@@ -122,7 +123,8 @@ def calibrate(points, seen, rows, groups, focal_length=None):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    width = float(np.ptp(points[seen], axis=0).max()) or 1.0
+    low, high = covered(points[seen])
+    width = float((high - low).max()) or 1.0
     share = best_focal_length(nats) if focal_length is None else focal_length / width
     nats(share)  # if it was given, it is the only one
     best, estimate = tried[share], CameraEstimate(width, focal_length)

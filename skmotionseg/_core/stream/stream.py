@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..geometry.tracks import covered
 from .assignment import assign, measure, neighbour_shares, remembered
 from .births import (
     LEAST_FREEDOM,
@@ -688,7 +689,8 @@ def _in_order(groups, names, n_new):
 
 
 def _covered(points):
-    return np.maximum(np.ptp(points, axis=0), 1)
+    low, high = covered(points)
+    return np.maximum(high - low, 1)
 
 
 def _most(labels):
