@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._core.geometry.tracks import pack_tracks
+from .._core.geometry.tracks import covered, pack_tracks
 from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
 from .._segmenter.long_clips import extent_of
 from .._utils.writing import replacing
@@ -207,7 +207,7 @@ class StoredClip:
             corner
             for ids, points in stored.frames()
             if kept[ids].any()
-            for corner in (points[kept[ids]].min(axis=0), points[kept[ids]].max(axis=0))
+            for corner in covered(points[kept[ids]])
         ]
         self.extent = extent_of(corners)
         self.parts = [self.part(*ends) for ends in window_ends(stored.n_frames)]

@@ -35,6 +35,15 @@ def test_outliers_are_found_with_and_without_the_number_of_motions(
     assert hit >= 0.9 * (y < 0).sum()
 
 
+@pytest.mark.parametrize("place", [-9999.0, 1e6])
+def test_a_track_that_is_lost_far_outside_changes_no_other(place):
+    X, y = make_rigid_motions(150, 12, missing=0, random_state=3)
+    X[5] = place
+    labels = MotionSegmenter(random_state=0, **QUICK).fit(X).labels_
+    assert labels[5] == -1
+    assert misclassification_error(np.delete(y, 5), np.delete(labels, 5)) < 0.03
+
+
 def test_clean_tracks_are_kept_and_rejection_can_be_turned_off():
     X, _ = make_rigid_motions(200, 6, random_state=0)
     outside = MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0

@@ -336,9 +336,9 @@ class RigidSearch:
         return (yield [FitRequest(group) for group in groups_of(labels)])
 
     def energy(self, labels, motions):
-        """Nats of a partition: of its tracks, and of links to other motions."""
+        """Nats of a partition: of its tracks, links to other motions, and labels."""
         cut, nats = self.terms(labels, motions)
-        return _energy(cut, nats, len(labels))
+        return _energy(labels, cut, nats)
 
     def terms(self, labels, motions):
         """Share of the links that a partition cuts, and nats, both per track."""
@@ -460,12 +460,14 @@ class RigidSearch:
                     yield new
 
     def _assigned(self, costs, labels, linked, sweeps=6):
-        """Labels of least cost, links to others of the label being worth something.
+        """Labels of least energy, and the share of links that go to each group.
 
-        With the share of each track's links that go to each of their groups.
+        Links to others of the label are worth something, and so is that it is the
+        label of many: what fits a small motion and a large one is rather of the large.
         """
         for _ in range(sweeps):
-            new = (costs - NATS_OF_LINKS * linked).argmin(axis=1)
+            told = NATS_OF_LABELS * _nats_of_labels(labels, costs.shape[1])
+            new = (costs - NATS_OF_LINKS * linked + told).argmin(axis=1)
             if np.array_equal(new, labels):
                 break
             labels, linked = new, self._linked(new, costs.shape[1])
@@ -698,11 +700,17 @@ def _links_of(affinity):
 
 def _step(labels, motions, costs, linked):
     cut, nats = _terms(labels, costs, linked)
-    return Step(_energy(cut, nats, len(labels)), labels, motions)
+    return Step(_energy(labels, cut, nats), labels, motions)
 
 
-def _energy(cut, nats, n_tracks):
-    return n_tracks * (nats + NATS_OF_LINKS * cut)
+def _energy(labels, cut, nats):
+    """Nats of a partition, of which its tracks cost so many, and cut so much.
+
+    Tracks of no motion are many where there are outliers, and what parts them saves
+    more than what parts two small motions. But labels that part many tracks tell more.
+    """
+    told = NATS_OF_LABELS * _entropy(labels)
+    return len(labels) * (nats + NATS_OF_LINKS * cut + told)
 
 
 def _log_ratio(one, other):
@@ -857,17 +865,17 @@ def _last_apart(path):
 def rank(step):
     """What a partition costs when partitions into as many are compared: nats per track.
 
-    Tracks of no motion are many where there are outliers, and what parts them saves
-    more than what parts two small motions. But labels that part many tracks tell more.
-    Nor is one motion likely to explain two that are true, as it explains halves of a
+    One motion is not likely to explain two that are true, as it explains halves of a
     background, whatever these save.
     """
     odds = min(max(step.log_odds, -SURE), SURE)
-    return (
-        step.energy / len(step.labels)
-        + NATS_OF_LABELS * _entropy(step.labels)
-        - NATS_OF_ODDS * odds
-    )
+    return step.energy / len(step.labels) - NATS_OF_ODDS * odds
+
+
+def _nats_of_labels(labels, n_groups):
+    """Nats (M,) that each label tells, given the sizes of the groups."""
+    sizes = np.maximum(np.bincount(labels, minlength=n_groups), 1)
+    return np.log(len(labels) / sizes)
 
 
 def _entropy(labels):
