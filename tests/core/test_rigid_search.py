@@ -22,6 +22,7 @@ from skmotionseg._core.partition.rigid_search import (
     SURE,
     RigidSearch,
     Step,
+    _energy,
     _fine_enough,
     _n_apart,
     _Pair,
@@ -523,12 +524,23 @@ def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different()
 def test_partitions_cost_more_if_labels_tell_much():
     """Of the same energy, the one that takes a few tracks from many is the best."""
     few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
-    cost = rank(Step(8.0, few, [], log_odds=0.0))
+    cost = rank(Step(_energy(few, 0.0, 1.0), few, [], log_odds=0.0))
     shares = np.array([7, 1]) / 8
     assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
-    assert_allclose(
-        rank(Step(8.0, half, [], log_odds=0.0)), 1 + NATS_OF_LABELS * np.log(2)
-    )
+    torn = rank(Step(_energy(half, 0.0, 1.0), half, [], log_odds=0.0))
+    assert torn == pytest.approx(1 + NATS_OF_LABELS * np.log(2))
+
+
+def test_what_fits_two_motions_alike_is_of_the_larger(scene):
+    search, n_tracks = search_of(scene), len(scene[0])
+    labels = np.where(np.arange(n_tracks) < 10, 1, 0)
+    nothing = np.zeros((n_tracks, 2))
+    assigned, _ = search._assigned(nothing, labels, nothing, sweeps=1)
+    assert_array_equal(assigned, 0)
+    by_label = 1.01 * NATS_OF_LABELS * np.log((n_tracks - 10) / 10)
+    costs = by_label * (labels[:, None] != [0, 1])
+    assigned, _ = search._assigned(costs, labels, nothing, sweeps=1)
+    assert_array_equal(assigned, labels)
 
 
 def test_links_are_compared_with_chance(scene):
