@@ -119,8 +119,10 @@ def short_lived(n_tracks=180, n_frames=110, life=40):
 @pytest.mark.slow
 def test_windows_have_as_many_landmarks_as_tracks():
     X = short_lived()
-    segmenter = MotionSegmenter(n_hypotheses=100, n_landmarks=100, random_state=0)
-    segmenter.fit(X)
+    segmenter = MotionSegmenter(
+        selection="ncre", max_motions=3, n_hypotheses=50, n_landmarks=100
+    )
+    segmenter.set_params(random_state=0).fit(X)
     assert segmenter.window_counts_.min() >= 1
     assert np.isfinite(segmenter.window_confidences_).all()
     assert (segmenter.labels_ >= 0).mean() > 0.9
