@@ -16,11 +16,8 @@ PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 def count(text, or_else=""):
     """A whole number of 1 or more, of a command line."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if number < 1:
+    number = _integer(text)
+    if number is None or number < 1:
         raise argparse.ArgumentTypeError(
             f"expected a whole number, 1 or more{or_else}; got {text!r}"
         )
@@ -29,11 +26,8 @@ def count(text, or_else=""):
 
 def seed(text):
     """A whole number that random numbers may start from, of a command line."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = -1
-    if not 0 <= number < 2**32:
+    number = _integer(text)
+    if number is None or not 0 <= number < 2**32:
         raise argparse.ArgumentTypeError(
             f"expected a whole number from 0 to {2**32 - 1}; got {text!r}"
         )
@@ -42,15 +36,20 @@ def seed(text):
 
 def jobs(text):
     """How many jobs run in parallel, of a command line: -1 is one per processor."""
-    try:
-        number = int(text)
-    except ValueError:
-        number = 0
-    if number == 0:
+    number = _integer(text)
+    if not number:
         raise argparse.ArgumentTypeError(
             f"expected 1 or more, or -1 for all processors; got {text!r}"
         )
     return number
+
+
+def _integer(text):
+    """A whole number, or None if a text is none."""
+    try:
+        return int(text)
+    except ValueError:
+        return None
 
 
 def positive(text):

@@ -14,7 +14,7 @@ from .._utils.optional import require
 from .._utils.writing import check_apart, check_output
 from .console import facts_table
 from .label_files import begin_observations, write_frame
-from .method_options import FILE_OPTIONS, METHOD_OPTIONS, option_name
+from .method_options import METHOD_OPTIONS, check_no_file_options, option_name
 from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
@@ -84,9 +84,7 @@ def _check(arguments):
         option = option_name(name)
         if getattr(arguments, name) != METHOD_OPTIONS[option].get("default"):
             raise ValueError(f"{option} is for clips, and --live has a stream")
-    for name in FILE_OPTIONS:
-        if getattr(arguments, name.lstrip("-").replace("-", "_")) is not None:
-            raise ValueError(f"{name} is for track files, and --live has a video")
+    check_no_file_options(arguments)
     written = {"--out": arguments.out, "--render": arguments.render}
     check_apart(arguments.file, written)
 

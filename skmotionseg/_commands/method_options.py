@@ -131,9 +131,15 @@ def check_method_options(arguments, video):
         raise ValueError(
             f"--min-motions must not exceed --max-motions; got {fewest} and {most}"
         )
+    if video:
+        check_no_file_options(arguments)
+
+
+def check_no_file_options(arguments):
+    """Refuse options on how track files are read, where a video is."""
     options = file_options(arguments)
     given = [name for name in options if options[name] is not None]
-    if given and video:
+    if given:
         raise ValueError(
             f"{option_name(given[0])} is for track files; {arguments.file} is a video "
             "or a folder"

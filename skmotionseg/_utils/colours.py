@@ -38,9 +38,14 @@ def motion_colour(label):
         return OUTLIER_COLOUR
     turn, position = divmod(label, len(COLOURS))
     share, towards = SHADES[turn % len(SHADES)]
-    parts = [int(COLOURS[position][i : i + 2], 16) for i in (1, 3, 5)]
+    parts = red_green_blue(COLOURS[position])
     mixed = [round((1 - share) * part + share * towards) for part in parts]
     return "#" + "".join(f"{part:02x}" for part in mixed)
+
+
+def red_green_blue(colour):
+    """The parts, from 0 to 255, of a colour ``"#rrggbb"``."""
+    return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
 
 
 def series_colour(position):

@@ -11,7 +11,7 @@ from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 
-# Names of what tells where points are seen.
+# Names of what tells where points are seen, and of logits, or flags, of being hidden.
 SEEN = (
     "visibility",
     "pred_visibility",
@@ -21,6 +21,7 @@ SEEN = (
     "visibilities",
     "pred_visibilities",
 )
+OCCLUSION = ("occlusion", "occlusions")
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
 # Fewer tracks than a fundamental matrix needs may be anything.
@@ -103,10 +104,14 @@ def _ids(ids, n_tracks):
     return ids if ids.dtype.kind in "iu" else whole_numbers(ids, "'track_ids'")
 
 
+def _first_of(names, arrays):
+    return next((name for name in names if name in arrays), None)
+
+
 def _points_name(arrays):
-    for name in ("points", "pred_tracks", "tracks"):
-        if name in arrays:
-            return name
+    name = _first_of(("points", "pred_tracks", "tracks"), arrays)
+    if name is not None:
+        return name
     raise ValueError(
         f"expected the array 'points' or 'X'; got {sorted(arrays)} (of trackers, "
         "'pred_tracks' or 'tracks')"
@@ -122,7 +127,7 @@ def _implied_layout(name, arrays):
     """
     if name == "pred_tracks":
         return "frames_first"
-    if {"visibles", "occluded", "occlusion", "occlusions"} & set(arrays):
+    if {"visibles", "occluded", *OCCLUSION} & set(arrays):
         return "tracks_first"
     if name == "tracks":
         return _batch_layout(arrays)
@@ -159,23 +164,18 @@ def _spread(points):
 
 def _visibility(arrays, visible_above):
     """What tells which points are seen, or None, and what of it counts as seen."""
-    for name in SEEN:
-        if name in arrays:
-            return arrays[name], visible_above
-    if "occluded" in arrays:
-        return 1.0 - _real(arrays, "occluded"), visible_above
-    for name in ("occlusion", "occlusions"):
-        if name not in arrays:
-            continue
-        occlusion = _real(arrays, name)
-        if np.isin(occlusion, (0, 1)).all():  # flags, which no logits are
-            return 1.0 - occlusion, visible_above
-        # Seen as in tapnet's postprocess_occlusions.
-        seen = expit(-occlusion)
-        if "expected_dist" in arrays:
-            seen *= expit(-_real(arrays, "expected_dist"))
-        return seen, 0.5 if visible_above is None else visible_above
-    return None, visible_above
+    name = _first_of((*SEEN, "occluded", *OCCLUSION), arrays)
+    if name is None:
+        return None, visible_above
+    if name in SEEN:
+        return arrays[name], visible_above
+    occlusion = _real(arrays, name)
+    if name == "occluded" or np.isin(occlusion, (0, 1)).all():  # as no logits are
+        return 1.0 - occlusion, visible_above
+    seen = expit(-occlusion)  # as in tapnet's postprocess_occlusions
+    if "expected_dist" in arrays:
+        seen *= expit(-_real(arrays, "expected_dist"))
+    return seen, 0.5 if visible_above is None else visible_above
 
 
 def _tap_vid_size(data, arrays):

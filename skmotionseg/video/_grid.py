@@ -165,8 +165,8 @@ def stands_out(field, cell):
         around, grown by a cell on each side.
     """
     height, width = field.shape[:2]
-    first = (min(cell // 2, side - 1) for side in (height, width))
-    middle = field[next(first) :: cell, next(first) :: cell]
+    top, left = (min(cell // 2, side - 1) for side in (height, width))
+    middle = field[top::cell, left::cell]
     around = np.stack([_median_around(part) for part in np.moveaxis(middle, 2, 0)])
     contrast = np.hypot(*(np.moveaxis(middle, 2, 0) - around))
     limit = LEAST_CONTRAST + CONTRAST_SHARE * np.median(contrast)

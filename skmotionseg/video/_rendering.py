@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._core.geometry.tracks import unpack_tracks
-from .._utils.colours import motion_colour
+from .._utils.colours import motion_colour, red_green_blue
 from .._utils.optional import require
 from .._utils.validation import check_label_each
 from .._utils.writing import check_output, replacing_path
@@ -157,7 +157,7 @@ class _Pen:
         canvas = cv2.convertScaleAbs(frame, alpha=0.6, beta=80)
         radius = max(2, round(min(canvas.shape[:2]) / 240))
         for motion, rows in self._motions:
-            colour = _blue_green_red(motion_colour(motion))
+            colour = red_green_blue(motion_colour(motion))[::-1]
             tails = self._tails(rows, number, scale)
             cv2.polylines(canvas, tails, False, colour, 1)
             seen = rows[self._visibility[rows, number]]
@@ -229,7 +229,7 @@ class _Brush:
             mask = cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
         canvas = frame.copy()
         for motion in np.unique(mask[mask > 0]).tolist():
-            colour = _blue_green_red(motion_colour(motion))
+            colour = red_green_blue(motion_colour(motion))[::-1]
             inside = mask == motion
             layer = np.multiply(colour, COVER) + (1 - COVER) * frame[inside]
             canvas[inside] = layer.astype(np.uint8)
@@ -245,10 +245,6 @@ def _to_canvas(points, scale):
     """Nearest pixels, their centres being whole numbers, of a scaled frame."""
     pixels = np.rint(at_scale(points, scale))
     return pixels.clip(-FARTHEST, FARTHEST).astype(np.int32)
-
-
-def _blue_green_red(colour):
-    return tuple(int(colour[i : i + 2], 16) for i in (5, 3, 1))
 
 
 def _write_video(pictures, path, fps):

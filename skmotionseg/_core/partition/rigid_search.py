@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
-from scipy.special import xlogy
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
 from ..geometry.joint_depths import behind, infinitely_far
@@ -709,8 +708,8 @@ def _energy(labels, cut, nats):
     Tracks of no motion are many where there are outliers, and what parts them saves
     more than what parts two small motions. But labels that part many tracks tell more.
     """
-    told = NATS_OF_LABELS * _entropy(labels)
-    return len(labels) * (nats + NATS_OF_LINKS * cut + told)
+    told = _nats_of_labels(labels, labels.max() + 1)[labels].mean()
+    return len(labels) * (nats + NATS_OF_LINKS * cut + NATS_OF_LABELS * float(told))
 
 
 def _log_ratio(one, other):
@@ -876,12 +875,6 @@ def _nats_of_labels(labels, n_groups):
     """Nats (M,) that each label tells, given the sizes of the groups."""
     sizes = np.maximum(np.bincount(labels, minlength=n_groups), 1)
     return np.log(len(labels) / sizes)
-
-
-def _entropy(labels):
-    """Nats that the label of a track tells, given the sizes of the groups."""
-    shares = np.bincount(labels) / len(labels)
-    return -float(xlogy(shares, shares).sum())
 
 
 def _n_apart(path, fewest, most):

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..geometry.camera import Camera
-from ..geometry.tracks import covered
 from ..geometry.windows import best_focal_length
 from .assignment import measure
 from .calibration import CameraEstimate
@@ -123,8 +122,7 @@ def calibrate(points, seen, rows, groups, focal_length=None):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    low, high = covered(points[seen])
-    width = float((high - low).max()) or 1.0
+    width = Camera.around(points[seen], 1.0).unit
     share = best_focal_length(nats) if focal_length is None else focal_length / width
     nats(share)  # if it was given, it is the only one
     best, estimate = tried[share], CameraEstimate(width, focal_length)
