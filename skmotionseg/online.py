@@ -12,7 +12,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ._core.geometry.tracks import covered, pack_tracks
+from ._core.geometry.tracks import pack_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.scene import background_motion
 from ._core.stream.buffer import UNKNOWN
@@ -245,9 +245,7 @@ class OnlineMotionSegmenter(BaseEstimator):
             labels = _with_living(segmenter.fit(pack_tracks(points, seen)), n_living)
         except TooFewTracksError:  # seen together
             return np.full(len(points), -1)
-        low, high = covered(points[seen])
-        size = np.maximum(high - low, 1)
-        static = background_motion(points - low, seen, labels, size)
+        static = background_motion(points, seen, labels)
         return _with_first(canonical_labels(labels), static)
 
 

@@ -22,7 +22,6 @@ from sklearn.utils.validation import check_is_fitted
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
 from ._core.geometry.tracks import (
-    covered,
     covisible_pairs,
     frame_pairs,
     non_empty_frames,
@@ -449,7 +448,7 @@ estimator, default="description_length"
         some = clip.frames[spread_frames(clip.n_frames)]
         points = np.concatenate([*points_in_batches(X, some)])
         visibility = ~np.isnan(points[..., 0])
-        self.background_ = _background(points, visibility, found.labels)
+        self.background_ = background_motion(points, visibility, found.labels)
         seen_often = clip.times > self.frame_gap
         placed = np.where(seen_often, 0, -1)
         self.label_reasons_ = label_reasons(found.labels, placed, seen_often)
@@ -600,7 +599,7 @@ estimator, default="description_length"
         self.log_odds_ = _or_unknown(found.log_odds, found.counts)
         self.count_probabilities_ = count_probabilities(found.counts, self.log_odds_)
         self.n_motions_ = int(self.labels_.max()) + 1
-        self.background_ = _background(points, visibility, self.labels_)
+        self.background_ = background_motion(points, visibility, self.labels_)
         self._keep_motions(points, visibility, affinities)
         self._known = dict(zip(_digests(points), self.labels_.tolist(), strict=True))
 
@@ -781,13 +780,6 @@ class _Stopwatch:
 
     def with_total(self):
         return {**self.seconds, "total": time.perf_counter() - self._started}
-
-
-def _background(points, visibility, labels):
-    """The static scene, in an image that is what the tracks cover."""
-    low, high = covered(points[visibility])
-    size = np.maximum(high - low, 1e-9)
-    return background_motion(points - low, visibility, labels, size)
 
 
 def _cluster(fuse, seed, graph, n_clusters):

@@ -51,6 +51,8 @@ REFUSALS = {
     "loners": r"\d+ motions are more than the \d+ tracks that share a preference with "
     r"another \(n_samples=\d+\)$",
     "landmarks": r"n_landmarks=\d+ is more than the tracks \(n_samples=\d+\)",
+    "few landmarks": r"n_landmarks must be at least the \d tracks that the \w+ model "
+    r"needs; got \d+$",
     "groups": r"(n|min)_clusters=\d+ is more than the \d+ tracks that have an affinity "
     r"to another \(n_samples=\d+\)$",
     "columns": r"residual columns come in groups of n_hypotheses=\d+, one per "
@@ -356,6 +358,8 @@ def refusals_of_segmenter(segmenter, recipe):
         due = {"motions"}
     elif "infinity" not in due and some and segmenter.n_landmarks > len(X):
         due = {"landmarks"}
+    if some and segmenter.n_landmarks < max(MINIMAL_SIZE[m] for m in models):
+        due = {"few landmarks"}  # which needs no look at the tracks
     # Landmarks may be too few even where the tracks are not.
     return due, {"loners", "few tracks"} if some else {"loners"}
 

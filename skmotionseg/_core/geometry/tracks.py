@@ -14,6 +14,8 @@ ROUNDING = 1e-12
 # Points are astray if they are so many times farther out than the usual ones are apart:
 # in simulated scenes and real clips, those that are farthest out are 0.4 times.
 ASTRAY = 2.0
+# Share of the points at either side that are not usual; more if one track may be it.
+OUTERMOST = 0.02
 # Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
 # how many of those with most tracks in common.
 ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
@@ -320,16 +322,19 @@ def non_empty_frames(visibility, fewest):
     return filled if len(filled) >= fewest else np.arange(visibility.shape[1])
 
 
-def covered(points):
+def covered(points, n_tracks=None):
     """Least and greatest coordinates of points, but for those that are astray.
 
     A lost track may be anywhere, and a picture as large as it would take all motions
-    in it for one. Astray is what lies farther from the middle 96 % of the points than
-    ``ASTRAY`` times the larger side of what these cover.
+    in it for one. Astray is what lies farther from the middle 96 % of the points, or
+    from all but what one track may be, than ``ASTRAY`` times the larger side of what
+    these cover.
 
     Parameters
     ----------
     points : ndarray of shape (n, 2)
+    n_tracks : int, optional
+        Of which they are the points; if not given, each is of another.
 
     Returns
     -------
@@ -338,7 +343,8 @@ def covered(points):
     """
     if not len(points):
         return np.zeros(2), np.zeros(2)
-    low, high = np.percentile(points, [2, 98], axis=0)
+    share = max(OUTERMOST, min(1.5 / (n_tracks or len(points)), 0.25))
+    low, high = np.quantile(points, [share, 1 - share], axis=0)
     reach = ASTRAY * (high - low).max()
     if reach > 0:
         near = ((points >= low - reach) & (points <= high + reach)).all(axis=1)

@@ -10,10 +10,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from ..geometry.tracks import covered
 from .reappearing import reappeared
 
 # Cells per side of the picture in which tracks are counted for the extent of a motion.
 N_CELLS = 12
+# Sides of what tracks cover that are all at one height, say, pixels.
+LEAST_SIDE = 1e-9
 # Tracks of the static scene by which its motion at a place is told.
 N_NEIGHBOURS = 48
 # Frames over which movements are compared, and how many such windows at most.
@@ -35,7 +38,7 @@ DRAGGED = 2.5
 LEAST_TRACKS = 6
 
 
-def background_motion(points, visibility, labels, size):
+def background_motion(points, visibility, labels, size=None):
     """The motion that is the static scene: what frames the picture and spans it.
 
     A scene reaches further than what moves before it: its tracks take most of the
@@ -49,8 +52,8 @@ def background_motion(points, visibility, labels, size):
     visibility : ndarray of bool, shape (n_tracks, n_frames)
     labels : ndarray of int, shape (n_tracks,)
         Motion of each track; negative for none.
-    size : tuple of (width, height)
-        Of the picture, pixels.
+    size : tuple of (width, height), optional
+        Of the picture, pixels; if not given, it is what the tracks cover.
 
     Returns
     -------
@@ -60,6 +63,9 @@ def background_motion(points, visibility, labels, size):
     names = np.unique(labels[labels >= 0])
     if len(names) == 0:
         return -1
+    if size is None:
+        low, high = covered(points[visibility], len(points))
+        points, size = points - low, np.maximum(high - low, LEAST_SIDE)
     extents = np.zeros(len(names))
     for frame in spread_frames(points.shape[1]):
         seen = visibility[:, frame] & (labels >= 0)

@@ -200,7 +200,7 @@ class MotionStream:
         )
         if np.isfinite(found.nats):
             self.camera, self.scale = found.camera, found.scale
-            self.size = _covered(self.buffer.points[self.buffer.seen])
+            self.size = _covered(self.buffer)
         for k, (group, fit) in enumerate(zip(groups, found.fits, strict=True)):
             if fit is not None:
                 number, _ = self._begin(group, fit, static=k == 0)
@@ -688,8 +688,8 @@ def _in_order(groups, names, n_new):
     return [k for k in range(len(groups)) if names[k] != UNKNOWN] + sorted(new)
 
 
-def _covered(points):
-    low, high = covered(points)
+def _covered(buffer):
+    low, high = covered(buffer.points[buffer.seen], len(buffer.ids))
     return np.maximum(high - low, 1)
 
 
