@@ -15,6 +15,7 @@ from skmotionseg._core.geometry.poses import (
     kept_away,
     lower_medians,
     normal_equations,
+    refocused,
     relative_to,
     rotations_of,
     solve_three,
@@ -40,6 +41,25 @@ def test_points_stay_where_they_are_relative_to_another_frame():
     again = (moved.rotations @ start[:, None, :, None])[..., 0] + moved.translations
     assert_allclose(again, there, atol=1e-12)
     assert_allclose(moved.rotations[[0, 1], reference], [np.eye(3)] * 2, atol=1e-12)
+
+
+def test_images_are_nearly_the_same_with_another_focal_length():
+    rng = np.random.default_rng(5)
+    vectors = rng.normal(0, 0.03, (1, 4, 3))
+    poses = Poses(rotations_of(vectors), rng.normal(0, 0.05, (1, 4, 3)))
+    rays = np.append(rng.uniform(-0.2, 0.2, (2, 1, 20)), np.ones((1, 1, 20)), axis=0)
+    depths = rng.uniform(0.5, 1, (1, 20))
+
+    def images(ratio, poses):
+        R, t = (each.swapaxes(0, 1) for each in poses)
+        scaled = rays * np.array([ratio, ratio, 1])[:, None, None]
+        return images_of(scaled, depths, R, t)[0] / ratio
+
+    before = images(1, poses)
+    there = images(1.3, refocused(poses, 1.3)) - before
+    assert np.abs(there).max() < 0.005
+    assert np.abs(images(1.3, poses) - before).max() > 0.02
+    assert_allclose(images(1.0, refocused(poses, 1.0)), before, atol=1e-12)
 
 
 def test_distances_keep_their_side_of_the_camera():

@@ -134,6 +134,45 @@ def place_by_least_squares(image, frames, poses):
     return found.x[2], np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[2, 2])
 
 
+def test_what_is_behind_the_camera_is_placed_at_infinity():
+    x, poses = scene(np.random.RandomState(3), noise=1e-6, direction=(1.0, 0.2, 0))
+    x[:10] -= 1.3 * (x[:10] - x[:10, REFERENCE, None])  # as if they were behind it
+    seen = np.ones(x.shape[:2], dtype=bool)
+    (squares,) = squared_residuals(x, seen, poses)
+    expected = [
+        at_infinity_or_before(*each, poses) for each in zip(x, seen, strict=True)
+    ]
+    assert_allclose(squares[:10], expected[:10], rtol=0.05)
+    assert (squares[:10] > 1e4 * squares[10:].max()).all()
+
+
+def at_infinity_or_before(image, frames, poses):
+    """The squared residual of a track whose inverse depth is bounded."""
+    (rotations,), (translations,) = poses
+
+    def residuals(place):
+        a, b, c = place
+        points = rotations[frames] @ [a, b, 1] + c * translations[frames]
+        return (points[:, :2] / points[:, 2:] - image[frames]).ravel()
+
+    bounds = [-np.inf, -np.inf, 0], np.inf
+    return 2 * least_squares(residuals, [*image[REFERENCE], 0.5], bounds=bounds).cost
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1.0), (0, 0, -1.0), (-1.0, 0, 0)])
+def test_most_of_what_is_fitted_is_before_the_camera(direction):
+    x, truth = scene(np.random.RandomState(8), direction=direction)
+    seen, weights = np.ones((1, *x.shape[:2]), dtype=bool), np.ones((1, len(x)))
+    problem = x[None], seen, weights, np.array([1e-5]), REFERENCE
+    mirrored = truth._replace(translations=-truth.translations)
+    for poses in (
+        fit_rigid_motions(*problem),
+        refine_rigid_motions(*problem, mirrored)[0],
+    ):
+        depths, _ = inverse_depths(x, seen[0], poses)
+        assert (depths > 0).all()
+
+
 def test_gaps_and_outliers_leave_the_others_fitted():
     rng = np.random.RandomState(2)
     x, _ = scene(rng, n=40)

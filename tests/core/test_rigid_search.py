@@ -13,7 +13,6 @@ from skmotionseg._core.geometry.windows import FEWEST_TRACKS, FOCAL_STEPS, Windo
 from skmotionseg._core.labels import canonical_labels, groups_of
 from skmotionseg._core.partition import rigid_search as module
 from skmotionseg._core.partition.rigid_search import (
-    BEHIND_WEIGHT,
     FEWEST_LINKS,
     HOPELESS,
     MOST_CROSS,
@@ -252,14 +251,13 @@ def before_a_camera_that_drives(rng, n_tracks=120, n_frames=8):
 
 
 def test_what_drives_away_from_a_moving_camera_is_apart():
-    """One rigid motion explains both: one of them in front, the other behind."""
+    """One rigid motion would explain both, were not one of them behind the camera."""
     scene = before_a_camera_that_drives(np.random.RandomState(7))
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
     _, found = done(search, search.least_apart(y, done(search, search.motions(y))))
-    assert found.gain < 0.5
-    assert found.behind > 0.5
-    assert found.log_odds > 0 > found.log_odds - BEHIND_WEIGHT
+    assert found.gain > 3
+    assert found.log_odds > 0
 
 
 @pytest.fixture(scope="module")

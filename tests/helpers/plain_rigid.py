@@ -72,7 +72,7 @@ def fit(x, seen, floor, reference):
     clip = Clip(x, seen, floor, reference)
     found = [
         minimised(clip, *start, rigid_motion.FIRST_ITERATIONS)
-        for start in starting_motions(clip)
+        for start in map(in_front, starting_motions(clip))
     ]
     squares = [clip.squares(*each) for each in found]
     scale = min(map(clip.scale, squares))
@@ -81,6 +81,14 @@ def fit(x, seen, floor, reference):
     poses[reference] = np.eye(3), np.zeros(3)
     R, t = zip(*(poses[k] for k in range(x.shape[1])), strict=True)
     return np.array(R), np.array(t)
+
+
+def in_front(start):
+    """Most tracks before the camera, by the other sign if need be; others infinite."""
+    poses, depths = start
+    if np.sign(depths).sum() < 0:
+        depths, poses = -depths, {k: (R, -t) for k, (R, t) in poses.items()}
+    return poses, np.maximum(depths, 0)
 
 
 def minimised(clip, poses, depths, iterations):
@@ -115,13 +123,17 @@ def stepped(clip, poses, depths, squares, scale, damping):
                 row[:, 6 * L + i] = (t[:2] - image * t[2]) / distance
                 normal += weights[i] * row.T @ row
                 right += weights[i] * row.T @ (clip.x[i, k] - image)
-    change = np.linalg.solve(normal + np.diag(damped(normal, 6 * L, damping)), right)
+    normal += np.diag(damped(normal, 6 * L, damping))
+    for i in np.flatnonzero((depths <= 0) & (right[6 * L :] < 0)):
+        normal[6 * L + i], normal[:, 6 * L + i], right[6 * L + i] = 0, 0, 0
+        normal[6 * L + i, 6 * L + i] = 1  # it stays at infinity
+    change = np.linalg.solve(normal, right)
     moved = {}
     for place, k in enumerate(clip.others):
         vector, shift = np.split(change[6 * place : 6 * place + 6], 2)
         R, t = poses[k]
         moved[k] = Rotation.from_rotvec(vector).as_matrix() @ R, t + shift
-    return moved, depths + change[6 * L :]
+    return moved, np.maximum(depths + change[6 * L :], 0)
 
 
 def damped(normal, n_poses, damping):
@@ -231,7 +243,7 @@ def resected(clip, frame, depths, R, t):
 
 
 def squared_residual(x, seen, R, t):
-    """Of one track (L, 2) from a motion, its ray and depth free."""
+    """Of one track (L, 2) from a motion, its ray free, and its depth if positive."""
     M = np.concatenate([R[..., :2], t[..., None]], axis=-1)[seen]  # (L, 3, 3)
     r, x = R[seen][..., 2], x[seen]
     rows = np.concatenate([x[:, [k]] * M[:, 2] - M[:, k] for k in (0, 1)])
@@ -239,8 +251,8 @@ def squared_residual(x, seen, R, t):
     normal = rows.T @ rows
     more = (1e-11 * np.trace(normal) + 1e-14) * np.eye(3)
     point = np.linalg.solve(normal + more, rows.T @ left)
-    totals = []
-    for _ in range(2):
+    totals, behind = [], 0.0
+    for first in (True, False):
         p = M @ point + r
         distance = np.where(
             np.abs(p[:, 2]) < NEAREST, np.where(p[:, 2] < 0, -NEAREST, NEAREST), p[:, 2]
@@ -254,4 +266,7 @@ def squared_residual(x, seen, R, t):
         normal = rows.T @ rows
         more = (1e-9 * np.trace(normal) + 1e-14) * np.eye(3)
         point = point + np.linalg.solve(normal + more, rows.T @ residuals)
-    return min(totals)
+        if first and point[2] < 0:  # moved to 0, the others following
+            others = np.linalg.solve(normal[:2, :2], normal[:2, 2])
+            behind = point[2] ** 2 * (normal[2, 2] - normal[2, :2] @ others)
+    return min(totals) + behind

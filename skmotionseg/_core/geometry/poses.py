@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 # Points are kept this far, in units of the reference depth, from a camera's plane,
 # where their image is infinite.
@@ -60,6 +61,28 @@ def relative_to(poses, reference):
     turned = poses.rotations @ poses.rotations[batch, reference, None].swapaxes(-1, -2)
     moved = (turned @ poses.translations[batch, reference, None, :, None])[..., 0]
     return Poses(turned, poses.translations - moved)
+
+
+def refocused(poses, ratio):
+    """Poses that give nearly the same images with another focal length.
+
+    Parameters
+    ----------
+    poses : Poses
+        Of one motion or several.
+    ratio : float
+        The focal length that was, over the other.
+
+    Returns
+    -------
+    Poses
+        Turned and moved across the optical axis by so many times as much: the same
+        where the field of view is small.
+    """
+    scale = np.array([ratio, ratio, 1.0])
+    turns = Rotation.from_matrix(poses.rotations.reshape(-1, 3, 3)).as_rotvec()
+    turns = (turns * scale).reshape(poses.translations.shape)
+    return Poses(rotations_of(turns), poses.translations * scale)
 
 
 def kept_away(distance):

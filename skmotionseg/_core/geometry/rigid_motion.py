@@ -1,11 +1,12 @@
 """Rigid motion of groups of tracks before a calibrated camera, over several frames.
 
 A group moves by a rotation and a translation per frame, and each of its tracks has one
-free number: its inverse depth in the reference frame. All problems of a batch, one per
-group and window of frames, are solved at a time. Poses start as in :mod:`.starts` and
-are refined by Levenberg-Marquardt with the depths eliminated (Triggs et al. [1]_, sec.
-6), under a Student-t cost of each track's residuals, so that a track counts less the
-worse it fits.
+free number: its inverse depth in the reference frame. It is not negative, as nothing
+behind a camera is seen: without that, depths of a small group explain what a wrong
+motion leaves. All problems of a batch, one per group and window of frames, are solved
+at a time. Poses start as in :mod:`.starts` and are refined by Levenberg-Marquardt with
+the depths eliminated (Triggs et al. [1]_, sec. 6), under a Student-t cost of each
+track's residuals, so that a track counts less the worse it fits.
 
 Coordinates are calibrated: pixels from the principal point over the focal length.
 
@@ -129,7 +130,7 @@ def _best_started(problems):
     """The best state of each problem after a few iterations from several starts."""
     n_problems = len(problems.weights)
     repeated = problems.of(np.repeat(np.arange(n_problems), N_STARTS))
-    state = _state(repeated, *starting_motions(problems, repeated))
+    state = _in_front(repeated, *starting_motions(problems, repeated))
     state = _minimise(repeated, state, FIRST_ITERATIONS)
     # Compared at one scale per problem, the least of its starts'.
     scale = _scale(repeated, state).reshape(-1, N_STARTS).min(axis=1)
@@ -165,6 +166,9 @@ def refine_rigid_motions(
 def squared_residuals(x, seen, poses):
     """Squared residuals of tracks from motions, each at its best ray and depth.
 
+    What is seen is in front of the camera: a track that would be explained best behind
+    it is placed at infinity.
+
     Parameters
     ----------
     x : ndarray of shape (n, L, 2)
@@ -178,8 +182,23 @@ def squared_residuals(x, seen, poses):
     ndarray of shape (B, n)
         Summed over frames and coordinates. A linear fit and one Gauss-Newton step.
     """
-    found = [squares for _, squares, _ in _placed(x, seen, poses)]
+    found = [
+        squares + _to_infinity(places[:, 2], normal)
+        for places, squares, normal in _placed(x, seen, poses)
+    ]
     return np.concatenate(found, axis=1)
+
+
+def _to_infinity(depths, normal):
+    """What squared residuals grow by as negative inverse depths are set to 0: (B, n).
+
+    Quadratic in the depth, each with its best ray: a Schur complement of the normal
+    equations, of which ``UPPER`` entries are given.
+    """
+    a, b, c, d, e, f = np.moveaxis(normal, 1, 0)
+    minor = np.maximum(a * d - b * b, np.finfo(float).tiny)
+    curvature = f - (c * c * d - 2 * b * c * e + e * e * a) / minor
+    return np.minimum(depths, 0) ** 2 * np.maximum(curvature, 0)
 
 
 def inverse_depths(x, seen, poses):
@@ -385,7 +404,19 @@ def _state_of(problems, poses):
     places = np.arange(len(problems.rays[0])), _frames(problems)
     rotations, translations = (each[places] for each in poses)
     depths = _depths(problems, rotations, translations)
-    return _state(problems, rotations, translations, depths)
+    return _in_front(problems, rotations, translations, depths)
+
+
+def _in_front(problems, rotations, translations, depths):
+    """The state with most tracks in front of the camera, and the others at infinity.
+
+    What is seen is in front; residuals are the same with all tracks behind it and
+    opposite translations.
+    """
+    before = (problems.counted * np.sign(depths)).sum(axis=-1)
+    sign = np.where(before < 0, -1.0, 1.0)
+    depths = np.maximum(sign[:, None] * depths, 0)
+    return _state(problems, rotations, sign[:, None] * translations, depths)
 
 
 def _state(problems, rotations, translations, depths):
@@ -444,8 +475,11 @@ class _Reduced(NamedTuple):
     right_depths: np.ndarray  # (B, n)
 
 
-def _reduced(problems, state, root, left, damping):
-    """The equations for some weights (B, n) and weighted residuals."""
+def _reduced(problems, state, root, left, damping, bounded=False):
+    """The equations for some weights (B, n) and weighted residuals.
+
+    Bounded, tracks at infinity that would rather be behind the camera stay there.
+    """
     L, B, n = problems.seen.shape
     poses, depths = _jacobians(problems, state, root)
     normal, right = normal_equations(poses, left)  # (L, B, 6, 6), (L, B, 6, 1)
@@ -454,6 +488,9 @@ def _reduced(problems, state, root, left, damping):
     of_depths = (depths**2).sum(axis=(0, 1)) * (1 + damping[:, None])
     of_depths += 1e-9 * of_depths.max(axis=1, keepdims=True) + 1e-30
     right_depths = (depths * left).sum(axis=(0, 1))  # (B, n)
+    if bounded:
+        held = (state.depths <= 0) & (right_depths < 0)
+        of_depths = np.where(held, np.inf, of_depths)
     shares = mixed / of_depths[:, None]
     matrix = _damped_blocks(normal, damping) - shares @ mixed.swapaxes(-1, -2)
     right = right.transpose(1, 2, 0, 3).reshape(B, 6 * L, 1)
@@ -471,7 +508,7 @@ def _stepped(problems, state, scale, damping):
     """The state after one damped Gauss-Newton step, the depths eliminated."""
     L, B, _ = problems.seen.shape
     root = _root_of_weights(problems, state, scale)
-    some = _reduced(problems, state, root, state.residuals * root, damping)
+    some = _reduced(problems, state, root, state.residuals * root, damping, True)
     change = np.linalg.solve(some.matrix, some.right)[..., 0]  # (B, 6 L)
     explained = (change[:, None] @ some.mixed)[:, 0]
     change_depths = (some.right_depths - explained) / some.of_depths
@@ -480,7 +517,7 @@ def _stepped(problems, state, scale, damping):
         problems,
         rotations_of(change[..., :3]) @ state.rotations,
         state.translations + change[..., 3:],
-        state.depths + change_depths,
+        np.maximum(state.depths + change_depths, 0),
     )
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .camera import LEAST_NOISE, REFERENCE_WIDTH
-from .poses import Poses
+from .poses import Poses, refocused
 from .rigid_motion import (
     fit_rigid_motions,
     inverse_depths,
@@ -91,6 +91,11 @@ class RigidMotion(NamedTuple):
     tracks: np.ndarray
     deviations: np.ndarray
     known: np.ndarray
+
+    def refocused(self, ratio):
+        """To start from with another focal length: that in use is so many times it."""
+        poses = (each and refocused(each, ratio) for each in self.poses)
+        return self._replace(poses=tuple(poses))
 
 
 class Windows:

@@ -277,7 +277,8 @@ class RigidSearch:
                 starts: list[tuple] = [()] * len(groups)
                 if motions is not None:
                     nearest = min(fitted, key=partial(_log_ratio, focal_length))
-                    starts = [(motion,) for motion in fitted[nearest]]
+                    ratio = nearest / focal_length
+                    starts = [(m.refocused(ratio),) for m in fitted[nearest]]
                 new = self._by_focal_length(focal_length, groups, starts)
                 nats[focal_length], fitted[focal_length] = new
             return nats[focal_length]
