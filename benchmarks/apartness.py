@@ -33,7 +33,7 @@ from .measuring import show_progress
 from .scenes_bench import scenes_of
 from .watching import WITHOUT_WINDOWS, compared_steps
 
-NAMES = "gain", "links", "far", "behind", "cross"
+NAMES = "gain", "links", "far", "cross"
 # Times that the groups that decide are looked for. The constants are the means of the
 # last ones and those of a regression, as they may go to and fro.
 ROUNDS = 15
@@ -95,7 +95,7 @@ def _partition(search, step):
     )
     found = [search.apart[key] for key in keys if key in search.apart]
     known = [
-        evidence(each.size, each.gain, each.links, each.far, each.behind, each.cross)
+        evidence(each.size, each.gain, each.links, each.far, each.cross)
         for each in found
     ]
     # The two are the same number only where one is taken for the other.

@@ -109,7 +109,6 @@ CONSTANTS = (
     Constant("_core.partition.rigid_search", "GAIN_WEIGHT"),
     Constant("_core.partition.rigid_search", "LINK_WEIGHT"),
     Constant("_core.partition.rigid_search", "FAR_WEIGHT"),
-    Constant("_core.partition.rigid_search", "BEHIND_WEIGHT"),
     Constant("_core.partition.rigid_search", "CROSS_WEIGHT"),
     Constant("_core.partition.rigid_search", "PRIOR"),
     Constant("_core.partition.rigid_search", "NATS_OF_LINKS"),

@@ -51,7 +51,7 @@ def test_residuals_of_few_tracks_are_corrected_the_most(windows):
 
 
 def least_square(x, seen, poses):
-    """Least sum of squares of one track over its ray and inverse depth."""
+    """Least sum of squares of one track over its ray and a positive inverse depth."""
 
     def residuals(parameters):
         ray = np.append(parameters[:2], 1)
@@ -59,7 +59,9 @@ def least_square(x, seen, poses):
         return (moved[:, :2] / moved[:, 2:] - x[seen]).ravel()
 
     start = np.append(x[seen].mean(axis=0), 0.1)
-    return 2 * least_squares(residuals, start, xtol=1e-12, ftol=1e-12).cost
+    bounds = [-np.inf, -np.inf, 0], np.inf
+    close = {"bounds": bounds, "xtol": 1e-12, "ftol": 1e-12}
+    return 2 * least_squares(residuals, start, **close).cost
 
 
 def test_squares_are_the_least_over_rays_and_depths(windows):

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
-from ..geometry.joint_depths import behind, infinitely_far
+from ..geometry.joint_depths import infinitely_far
 from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
@@ -49,15 +49,13 @@ MOST_NATS = 3.0
 NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
-# of groups that decide in simulated scenes (``python -m benchmarks.apartness``). What
-# is behind the camera hardly ever decides there, so its weight is not determined: of
-# three regressions that gave 2.4, 5.2 and 7.6, it is the one in the middle.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT = 0.72, 1.3, 5.15, 5.2
-CROSS_WEIGHT, PRIOR = 1.36, -8.46
+# of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.72, 1.3, 5.15, 1.36
+PRIOR = -8.46
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
-MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0, 10.0), -7.0
+MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0), -7.0
 # Links over chance below which fewer say no more: of the odds, and of the distance.
 FEWEST_LINKS, FEWEST_MERGING_LINKS = 0.06, 0.01
 # Distances by one of two motions below which no joint motion is fitted.
@@ -114,8 +112,6 @@ class Apartness(NamedTuple):
     far : float
         How clearly the joint motion places one of them at infinity, and one not (see
         :func:`infinitely_far`).
-    behind : float
-        The same for one behind the camera (see :func:`behind`).
     cross : float
         By how much worse the motion of either explains the other (see ``_cross``).
     """
@@ -127,7 +123,6 @@ class Apartness(NamedTuple):
     gain: float
     links: float
     far: float
-    behind: float
     cross: float
 
 
@@ -556,16 +551,13 @@ class RigidSearch:
         gain, joint = self._gain(pair.groups, pair.motions, joints)
         explained = list(map(self._explained, pair.groups, pair.motions))
         links = self._links(*map(_telling, explained, pair.groups))
-        far = hidden = 0.0
-        if told:
-            placed = self._placed(explained, joint)
-            far, hidden = infinitely_far(*placed), behind(*placed)
+        far = infinitely_far(*self._placed(explained, joint)) if told else 0.0
         cross = self._cross(pair)
-        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, BEHIND_WEIGHT, CROSS_WEIGHT
+        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT
         size = min(map(len, pair.groups))
-        known = evidence(size, gain, links, far, hidden, cross)
+        known = evidence(size, gain, links, far, cross)
         log_odds = np.dot(weights, known) + PRIOR
-        distance = self._merging_distance(pair.groups, gain, far, hidden)
+        distance = self._merging_distance(pair.groups, gain, far)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
         return Apartness(
@@ -576,14 +568,13 @@ class RigidSearch:
             float(gain),
             links,
             far,
-            hidden,
             cross,
         )
 
-    def _merging_distance(self, groups, gain, far=0.0, hidden=0.0):
+    def _merging_distance(self, groups, gain, far=0.0):
         """The distance of two groups, by which they are merged."""
         few = _fewness(self._links(*groups), FEWEST_MERGING_LINKS)
-        known = min(gain, MOST_GAIN), few, far, hidden
+        known = min(gain, MOST_GAIN), few, far
         return float(np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR)
 
     def _placed(self, inliers, joint):
@@ -663,20 +654,20 @@ class RigidSearch:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
-def evidence(size, gain, links, far, hidden, cross):
+def evidence(size, gain, links, far, cross):
     """What says that two groups are different motions: what :class:`Apartness` has.
 
     Returns
     -------
-    ndarray of shape (5,)
+    ndarray of shape (4,)
         The logarithm of one plus the gain, times that of the size; minus the logarithm
         of the links; the square root of how clearly one of the groups is at infinity;
-        how clearly one is behind the camera; and how much worse either's motion
-        explains the other. Log odds are a sum of these, each with its weight.
+        and how much worse either's motion explains the other. Log odds are a sum of
+        these, each with its weight.
     """
     gained = np.log(size) * np.log1p(max(gain, 0.0))
     apart = _fewness(links, FEWEST_LINKS)
-    return np.array([gained, apart, np.sqrt(far), hidden, cross])
+    return np.array([gained, apart, np.sqrt(far), cross])
 
 
 def _fewness(links, fewest):
