@@ -471,14 +471,15 @@ class _Reduced(NamedTuple):
     poses: np.ndarray  # (2, 6, L, B, n), derivatives of images by poses
     depths: np.ndarray  # (2, L, B, n), and by depths
     mixed: np.ndarray  # (B, 6 L, n), products of both
-    of_depths: np.ndarray  # (B, n), of depths with themselves
+    of_depths: np.ndarray  # (B, n), of depths with themselves; infinite if held
     right_depths: np.ndarray  # (B, n)
 
 
 def _reduced(problems, state, root, left, damping, bounded=False):
     """The equations for some weights (B, n) and weighted residuals.
 
-    Bounded, tracks at infinity that would rather be behind the camera stay there.
+    Bounded, tracks at infinity that would rather be behind the camera stay there. What
+    is told of the camera is not: noise of what stands still would then say something.
     """
     L, B, n = problems.seen.shape
     poses, depths = _jacobians(problems, state, root)
