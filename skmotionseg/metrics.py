@@ -522,7 +522,8 @@ def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
             f"{name} must be a list of whole numbers; got shape {labels.shape} and "
             f"dtype {labels.dtype}"
         )
-    if not np.array_equal(labels, np.round(labels)):  # NaN equals nothing
+    # NaN equals nothing.
+    if not np.array_equal(labels, np.round(labels)) or np.isinf(labels).any():
         raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
     return labels.astype(np.int64)
 

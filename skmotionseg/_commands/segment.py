@@ -152,9 +152,11 @@ def _segment(arguments):
         return
     video = is_video(arguments.file)
     _check_options(arguments, video)
+    segmenter = MotionSegmenter(**method_parameters(arguments))
+    segmenter._check_parameters()  # not only once a video is tracked
     run = _Run(
         arguments,
-        MotionSegmenter(**method_parameters(arguments)),
+        segmenter,
         # Whoever lacks both extras is told so at once.
         require("rich.console", extra="cli,video" if video else "cli").Console(),
         progress_console(),

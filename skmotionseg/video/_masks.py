@@ -12,7 +12,7 @@ import numpy.typing as npt
 from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._utils.optional import require
 from .._utils.validation import check_label_each
-from ._checks import check_number, make_reporter
+from ._checks import check_frames, check_number, make_reporter
 from ._evidence import (
     LOOK_WORTH,
     MOST_LOOK,
@@ -118,6 +118,7 @@ def dense_masks(
     (True, False)
     """
     points, visibility = unpack_tracks(X)
+    check_frames(X, points)
     labels = check_label_each(labels, len(points))
     check_number("max_side", max_side, Integral, SMALLEST_SIDE)
     seen = tracks_by_frame(points, visibility)

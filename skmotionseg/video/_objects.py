@@ -12,7 +12,7 @@ from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects, ranked
 from .._utils.validation import check_label_each
-from ._checks import check_number
+from ._checks import check_frames, check_number
 from ._frames import Progress, Source
 from ._recognition import known_again
 
@@ -86,6 +86,7 @@ def find_objects(
     True
     """
     points, visibility = unpack_tracks(X)
+    check_frames(X, points)
     labels = check_label_each(labels, len(points))
     for name, side in (("width", width), ("height", height)):
         check_number(name, side, Real, 1)

@@ -475,6 +475,11 @@ FUNCTIONS = [
         "y_pred must be whole numbers",
     ),
     case(
+        "misclassification_error, infinity",
+        lambda: misclassification_error([0, np.inf], [0, 1]),
+        "y_true must be whole numbers",
+    ),
+    case(
         "misclassification_error, text",
         lambda: misclassification_error(["car", "road"], [0, 1]),
         "y_true must be a list of whole numbers",

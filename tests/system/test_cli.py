@@ -595,6 +595,7 @@ ERRORS = {
     "segment {scene} --min-motions 3 --max-motions 2": "--min-motions must not exceed",
     "segment {scene} --min-motions 11": "--max-motions; got 11 and 10",
     "segment {scene} --models affine,affine": "models must differ",
+    "segment . --models affine,affine": "models must differ",  # before it is tracked
     "segment {scene} --confidence": "--confidence is written with the labels",
     "segment {notes} --layout tracks_first": "track files end in",
     "segment . --layout tracks_first": "--layout is for track files; . is a video",

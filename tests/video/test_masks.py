@@ -194,6 +194,15 @@ def test_masks_that_cannot_be(frames, tracked, labels, options, words):
         dense_masks(frames, X, labels, **options)
 
 
+def test_tracks_have_a_frame(frames):
+    nothing = np.zeros((3, 0)), [0, 0, 1]
+    words = r"one frame or more; got an array of shape \(3, 0\)"
+    with pytest.raises(ValueError, match=words):
+        dense_masks(frames, *nothing)
+    with pytest.raises(ValueError, match=words):
+        find_objects(*nothing, width=9, height=9)
+
+
 def test_masks_need_the_frames_of_the_tracks(frames, tracked):
     with pytest.raises(ValueError, match=f"have {N_FRAMES} frames, but the arrays 4"):
         list(dense_masks(frames[:4], *tracked))
