@@ -86,7 +86,7 @@ class LongClip:
         for points, visibility in map(unpack_tracks, _batches(X)):
             seen.append(visibility)
             if visibility.any():
-                corners += covered(points[visibility], len(points))
+                corners += covered(points, visibility)
         visibility = np.concatenate(seen)
         self.frames = non_empty_frames(visibility, fewest)
         self.n_tracks, self.n_frames = len(X), len(self.frames)

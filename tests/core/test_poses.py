@@ -45,7 +45,7 @@ def test_points_stay_where_they_are_relative_to_another_frame():
 
 def test_images_are_nearly_the_same_with_another_focal_length():
     rng = np.random.default_rng(5)
-    vectors = rng.normal(0, 0.03, (1, 4, 3))
+    vectors = rng.normal(0, [0.03, 0.03, 0.3], (1, 4, 3))
     poses = Poses(rotations_of(vectors), rng.normal(0, 0.05, (1, 4, 3)))
     rays = np.append(rng.uniform(-0.2, 0.2, (2, 1, 20)), np.ones((1, 1, 20)), axis=0)
     depths = rng.uniform(0.5, 1, (1, 20))

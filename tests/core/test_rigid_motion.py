@@ -36,6 +36,11 @@ def scene(rng, n=30, noise=1e-4, direction=(0, 0, 1.0), speed=0.04):
     return x, Poses(rotations[None], translations[None])
 
 
+def mirrored(x, reference):
+    """Tracks as of points behind the camera, nearly."""
+    return x - 2.3 * (x - x[:, reference, None])
+
+
 def deviation(squares, seen):
     return np.sqrt(np.median(squares / (2 * seen.sum(axis=1) - 3)))
 
@@ -136,7 +141,7 @@ def place_by_least_squares(image, frames, poses):
 
 def test_what_is_behind_the_camera_is_placed_at_infinity():
     x, poses = scene(np.random.RandomState(3), noise=1e-6, direction=(1.0, 0.2, 0))
-    x[:10] -= 1.3 * (x[:10] - x[:10, REFERENCE, None])  # as if they were behind it
+    x[:10] = mirrored(x[:10], REFERENCE)
     seen = np.ones(x.shape[:2], dtype=bool)
     (squares,) = squared_residuals(x, seen, poses)
     expected = [
@@ -160,17 +165,48 @@ def at_infinity_or_before(image, frames, poses):
 
 
 @pytest.mark.parametrize("direction", [(0, 0, 1.0), (0, 0, -1.0), (-1.0, 0, 0)])
-def test_most_of_what_is_fitted_is_before_the_camera(direction):
-    x, truth = scene(np.random.RandomState(8), direction=direction)
+def test_what_is_fitted_is_before_the_camera(direction):
+    x, _ = scene(np.random.RandomState(8), direction=direction)
     seen, weights = np.ones((1, *x.shape[:2]), dtype=bool), np.ones((1, len(x)))
-    problem = x[None], seen, weights, np.array([1e-5]), REFERENCE
-    mirrored = truth._replace(translations=-truth.translations)
-    for poses in (
-        fit_rigid_motions(*problem),
-        refine_rigid_motions(*problem, mirrored)[0],
-    ):
-        depths, _ = inverse_depths(x, seen[0], poses)
-        assert (depths > 0).all()
+    poses = fit_rigid_motions(x[None], seen, weights, np.array([1e-5]), REFERENCE)
+    assert (inverse_depths(x, seen[0], poses)[0] > 0).all()
+
+
+def test_no_motion_explains_one_half_before_the_camera_and_one_behind():
+    x, _ = scene(np.random.RandomState(8), n=40, direction=(0.5, 0.2, 1.0))
+    x[::2] = mirrored(x[::2], REFERENCE)
+    seen, weights = np.ones((1, *x.shape[:2]), dtype=bool), np.ones((1, len(x)))
+    poses = fit_rigid_motions(x[None], seen, weights, np.array([1e-4]), REFERENCE)
+    (squares,) = squared_residuals(x, seen[0], poses)
+    halves = [deviation(half, seen[0, ::2]) for half in (squares[::2], squares[1::2])]
+    assert max(halves) > 20e-4
+
+
+def test_far_tracks_do_not_mirror_a_motion():
+    """A rotation that is missing may place all of them behind the camera."""
+    rng = np.random.RandomState(9)
+    rays = np.column_stack([rng.uniform(-0.5, 0.5, (40, 2)), np.ones(40)])
+    depths = np.where(np.arange(40) < 28, 0.01, 1.0)
+    time = np.arange(N_FRAMES) - REFERENCE
+    translations = 0.05 * time[:, None] * [1.0, 0, 0]
+    turns = 0.001 * time[:, None] * [0, 1.0, 0]
+    points = np.einsum("lij,nj->nli", rotations_of(turns), rays)
+    points += depths[:, None, None] * translations
+    x = points[..., :2] / points[..., 2:]
+    x += 3e-4 * rng.standard_normal(x.shape)
+    seen, weights = np.ones((1, *x.shape[:2]), dtype=bool), np.ones((1, len(x)))
+    for sign in (-1, 1):
+        wrong = rotations_of(turns + sign * turns)[None]
+        poses, _ = refine_rigid_motions(
+            x[None],
+            seen,
+            weights,
+            np.array([1e-4]),
+            REFERENCE,
+            Poses(wrong, translations[None]),
+        )
+        (squares,) = squared_residuals(x, seen[0], poses)
+        assert deviation(squares[28:], seen[0, 28:]) < 5e-4
 
 
 def test_gaps_and_outliers_leave_the_others_fitted():
@@ -258,6 +294,7 @@ def mixed_batch():
         there[:, reference] = True
         found, _ = scene(rng, n, noise=1e-3, direction=directions[k])
         found[0] += 0.02 * rng.standard_normal(found[0].shape)
+        found[1:3] = mirrored(found[1:3], reference)
         x[k, :n] = np.where(there[..., None], found, 0)
         seen[k, :n], weights[k, :n] = there, 1
     return x, seen, weights, np.full(3, 2e-4), np.array(references), sizes

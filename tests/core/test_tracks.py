@@ -43,12 +43,13 @@ def test_what_points_cover_leaves_out_those_astray(rng, away):
     assert_array_equal(covered(points), usual)
     points[7] = 320, 700  # beyond the others, as the end of a street may be
     assert covered(points)[1][1] == 700
-    few = points[: 20 * 10]  # 20 tracks of 10 frames
-    usual = few.min(axis=0), few.max(axis=0)
-    few = np.concatenate([few, few[:10] + away])
-    assert_array_equal(covered(few, 21), usual)
+    few = points[:200].reshape(20, 10, 2)
+    usual = few.min(axis=(0, 1)), few.max(axis=(0, 1))
+    few = np.concatenate([few, few[:1] + away, np.full((200, 10, 2), np.nan)])
+    assert_array_equal(covered(few, np.isfinite(few[..., 0])), usual)
     # Of ten tracks, they may be a motion.
-    assert_array_equal(covered(few, 210), [few.min(axis=0), few.max(axis=0)])
+    few = few[:21].reshape(-1, 2)
+    assert_array_equal(covered(few), [few.min(axis=0), few.max(axis=0)])
     assert_array_equal(covered(points[:0]), np.zeros((2, 2)))
     assert_array_equal(
         covered(np.array([[1.0, 2.0]] * 99 + [[5, 2]])), [[1, 2], [5, 2]]

@@ -84,10 +84,8 @@ def fit(x, seen, floor, reference):
 
 
 def in_front(start):
-    """Most tracks before the camera, by the other sign if need be; others infinite."""
+    """No track behind the camera: those that are, are infinitely far."""
     poses, depths = start
-    if np.sign(depths).sum() < 0:
-        depths, poses = -depths, {k: (R, -t) for k, (R, t) in poses.items()}
     return poses, np.maximum(depths, 0)
 
 
@@ -251,7 +249,7 @@ def squared_residual(x, seen, R, t):
     normal = rows.T @ rows
     more = (1e-11 * np.trace(normal) + 1e-14) * np.eye(3)
     point = np.linalg.solve(normal + more, rows.T @ left)
-    totals, behind = [], 0.0
+    totals = []
     for first in (True, False):
         p = M @ point + r
         distance = np.where(
@@ -266,7 +264,9 @@ def squared_residual(x, seen, R, t):
         normal = rows.T @ rows
         more = (1e-9 * np.trace(normal) + 1e-14) * np.eye(3)
         point = point + np.linalg.solve(normal + more, rows.T @ residuals)
-        if first and point[2] < 0:  # moved to 0, the others following
-            others = np.linalg.solve(normal[:2, :2], normal[:2, 2])
-            behind = point[2] ** 2 * (normal[2, 2] - normal[2, :2] @ others)
-    return min(totals) + behind
+        if first:
+            place, curvature = point, normal
+    if (place[2] * (M @ place + r)[:, 2]).sum() >= 0:  # before those who see it
+        return min(totals)
+    others = np.linalg.solve(curvature[:2, :2], curvature[:2, 2])
+    return min(totals) + place[2] ** 2 * (curvature[2, 2] - curvature[2, :2] @ others)

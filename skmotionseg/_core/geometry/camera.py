@@ -53,13 +53,13 @@ class Camera(NamedTuple):
     bend: float = 0.0
 
     @classmethod
-    def around(cls, points, share, n_tracks=None):
-        """A camera that looks at the middle of points (n, 2) of so many tracks.
+    def around(cls, points, share, seen=None):
+        """A camera that looks at the middle of points, as :func:`.tracks.covered`.
 
         Its focal length is a share of the larger side of what they cover, and its
         radius half of the diagonal.
         """
-        low, high = covered(points, n_tracks)
+        low, high = covered(points, seen)
         size = float((high - low).max()) or 1.0
         noise = LEAST_NOISE / (REFERENCE_WIDTH * share)
         radius = float(np.hypot(*(high - low)) / 2) or 1.0

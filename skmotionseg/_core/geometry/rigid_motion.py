@@ -166,8 +166,8 @@ def refine_rigid_motions(
 def squared_residuals(x, seen, poses):
     """Squared residuals of tracks from motions, each at its best ray and depth.
 
-    What is seen is in front of the camera: a track that would be explained best behind
-    it is placed at infinity.
+    What is seen is in front of the camera that sees it: a track that would be explained
+    best behind it is placed at infinity.
 
     Parameters
     ----------
@@ -183,22 +183,22 @@ def squared_residuals(x, seen, poses):
         Summed over frames and coordinates. A linear fit and one Gauss-Newton step.
     """
     found = [
-        squares + _to_infinity(places[:, 2], normal)
-        for places, squares, normal in _placed(x, seen, poses)
+        squares + np.where(places.front, 0, _to_infinity(places))
+        for places, squares in _placed(x, seen, poses)
     ]
     return np.concatenate(found, axis=1)
 
 
-def _to_infinity(depths, normal):
-    """What squared residuals grow by as negative inverse depths are set to 0: (B, n).
+def _to_infinity(places):
+    """What squared residuals grow by as inverse depths are set to 0: (B, n).
 
     Quadratic in the depth, each with its best ray: a Schur complement of the normal
-    equations, of which ``UPPER`` entries are given.
+    equations.
     """
-    a, b, c, d, e, f = np.moveaxis(normal, 1, 0)
+    a, b, c, d, e, f = np.moveaxis(places.normal, 1, 0)
     minor = np.maximum(a * d - b * b, np.finfo(float).tiny)
     curvature = f - (c * c * d - 2 * b * c * e + e * e * a) / minor
-    return np.minimum(depths, 0) ** 2 * np.maximum(curvature, 0)
+    return places.points[:, 2] ** 2 * np.maximum(curvature, 0)
 
 
 def inverse_depths(x, seen, poses):
@@ -217,8 +217,8 @@ def inverse_depths(x, seen, poses):
         Their standard deviations where that of a residual is 1.
     """
     found = [
-        (places[:, 2], _error_of_last(normal))
-        for places, _, normal in _placed(x, seen, poses)
+        (places.points[:, 2], _error_of_last(places.normal))
+        for places, _ in _placed(x, seen, poses)
     ]
     depths, errors = (np.concatenate(each, axis=1) for each in zip(*found, strict=True))
     return depths, errors
@@ -286,11 +286,16 @@ def _error_of_last(normal):
     return np.sqrt(np.maximum(_solve_points(normal, last, 0.0)[:, 2], 0))
 
 
-def _placed(x, seen, poses):
-    """Yield places (B, 3, n), squared residuals and normal equations of some tracks.
+class _Places(NamedTuple):
+    """Where motions explain tracks best."""
 
-    A place is a ray and an inverse depth: the last of its three numbers.
-    """
+    points: np.ndarray  # (B, 3, n), a ray and an inverse depth
+    normal: np.ndarray  # (B, 6, n), UPPER entries of the normal equations
+    front: np.ndarray  # (B, n), whether before the camera in the frames that see it
+
+
+def _placed(x, seen, poses):
+    """Yield places and squared residuals (B, n) of some tracks."""
     x, seen = x.transpose(1, 2, 0), seen.T.astype(float)  # (L, 2, n), (L, n)
     rotations, translations = poses
     # A point (a, b, 1) / c of the reference frame is at P (a, b, c, 1) in another.
@@ -315,8 +320,11 @@ def _places_of(P, x, seen):
     right = _flat(P[..., :3]).swapaxes(-1, -2) @ _flat(left)
     normal = _equations(P[..., :3], image, near**2)
     points += _solve_points(normal, right, 1e-9)
-    residuals = _image_of(points, P, x, seen)[2]
-    return points, np.minimum(squares, (residuals**2).sum(axis=(1, 2))), normal
+    _, distance, residuals = _image_of(points, P, x, seen)
+    # Distances are in units of the depth, which has the sign of its inverse.
+    front = points[:, 2] * (distance * seen).sum(axis=1) >= 0
+    squares = np.minimum(squares, (residuals**2).sum(axis=(1, 2)))
+    return _Places(points, normal, front), squares
 
 
 def _equations(P, image, weights):
@@ -408,15 +416,12 @@ def _state_of(problems, poses):
 
 
 def _in_front(problems, rotations, translations, depths):
-    """The state with most tracks in front of the camera, and the others at infinity.
+    """The state with what would be behind the camera at infinity.
 
-    What is seen is in front; residuals are the same with all tracks behind it and
-    opposite translations.
+    Poses are not mirrored for it, even if it is most tracks: of distant ones, a small
+    rotation that is missing may place all there.
     """
-    before = (problems.counted * np.sign(depths)).sum(axis=-1)
-    sign = np.where(before < 0, -1.0, 1.0)
-    depths = np.maximum(sign[:, None] * depths, 0)
-    return _state(problems, rotations, sign[:, None] * translations, depths)
+    return _state(problems, rotations, translations, np.maximum(depths, 0))
 
 
 def _state(problems, rotations, translations, depths):

@@ -322,7 +322,7 @@ def non_empty_frames(visibility, fewest):
     return filled if len(filled) >= fewest else np.arange(visibility.shape[1])
 
 
-def covered(points, n_tracks=None):
+def covered(points, visibility=None):
     """Least and greatest coordinates of points, but for those that are astray.
 
     A lost track may be anywhere, and a picture as large as it would take all motions
@@ -332,18 +332,21 @@ def covered(points, n_tracks=None):
 
     Parameters
     ----------
-    points : ndarray of shape (n, 2)
-    n_tracks : int, optional
-        Of which they are the points; if not given, each is of another.
+    points : ndarray of shape (n, 2) or (n_tracks, n_frames, 2)
+        Of one frame, or tracks.
+    visibility : ndarray of bool, shape (n_tracks, n_frames), optional
+        Of tracks.
 
     Returns
     -------
     low, high : ndarray of shape (2,)
         Zeros if there are no points.
     """
+    n_tracks = len(points) if visibility is None else visibility.any(axis=1).sum()
+    points = points if visibility is None else points[visibility]
     if not len(points):
         return np.zeros(2), np.zeros(2)
-    share = max(OUTERMOST, min(1.5 / (n_tracks or len(points)), 0.25))
+    share = max(OUTERMOST, min(1.5 / n_tracks, 0.25))
     low, high = np.quantile(points, [share, 1 - share], axis=0)
     reach = ASTRAY * (high - low).max()
     if reach > 0:

@@ -129,7 +129,7 @@ class Windows:
 
     def __init__(self, points, visibility, focal_length=1.0, frames=None):
         self.frames = window_frames(visibility) if frames is None else frames
-        low, high = covered(points[visibility], len(points))
+        low, high = covered(points, visibility)
         self._middle, self.size = (low + high) / 2, float((high - low).max()) or 1.0
         self._look_at(points, visibility)
         self.set_focal_length(focal_length)

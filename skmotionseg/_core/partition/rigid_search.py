@@ -49,7 +49,8 @@ MOST_NATS = 3.0
 NATS_OF_LINKS = 4.0
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
-# of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
+# of groups that decide in simulated scenes (``python -m benchmarks.apartness``), before
+# fits were kept in front of the camera, and had a term for what is behind.
 GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.72, 1.3, 5.15, 1.36
 PRIOR = -8.46
 # The same for their distance, by which they are merged: what counts there is which of

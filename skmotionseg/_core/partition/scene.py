@@ -64,7 +64,7 @@ def background_motion(points, visibility, labels, size=None):
     if len(names) == 0:
         return -1
     if size is None:
-        low, high = covered(points[visibility], len(points))
+        low, high = covered(points, visibility)
         points, size = points - low, np.maximum(high - low, LEAST_SIDE)
     extents = np.zeros(len(names))
     for frame in spread_frames(points.shape[1]):

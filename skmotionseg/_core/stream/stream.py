@@ -689,7 +689,7 @@ def _in_order(groups, names, n_new):
 
 
 def _covered(buffer):
-    low, high = covered(buffer.points[buffer.seen], len(buffer.ids))
+    low, high = covered(buffer.points, buffer.seen)
     return np.maximum(high - low, 1)
 
 
