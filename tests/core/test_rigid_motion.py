@@ -126,8 +126,8 @@ def test_inverse_depths_are_those_of_the_scene():
     assert inverse_depths(x[:0], seen[:0], poses)[0].shape == (1, 0)
 
 
-def place_by_least_squares(image, frames, poses):
-    """Inverse depth of a track, whose ray is free as well, and its standard error."""
+def residuals_of(image, frames, poses):
+    """What a ray and an inverse depth leave of a track: a function of the three."""
     (rotations,), (translations,) = poses
 
     def residuals(place):
@@ -135,6 +135,12 @@ def place_by_least_squares(image, frames, poses):
         points = rotations[frames] @ [a, b, 1] + c * translations[frames]
         return (points[:, :2] / points[:, 2:] - image[frames]).ravel()
 
+    return residuals
+
+
+def place_by_least_squares(image, frames, poses):
+    """Inverse depth of a track, whose ray is free as well, and its standard error."""
+    residuals = residuals_of(image, frames, poses)
     found = least_squares(residuals, [*image[REFERENCE], 0.5])
     return found.x[2], np.sqrt(np.linalg.inv(found.jac.T @ found.jac)[2, 2])
 
@@ -153,13 +159,7 @@ def test_what_is_behind_the_camera_is_placed_at_infinity():
 
 def at_infinity_or_before(image, frames, poses):
     """The squared residual of a track whose inverse depth is bounded."""
-    (rotations,), (translations,) = poses
-
-    def residuals(place):
-        a, b, c = place
-        points = rotations[frames] @ [a, b, 1] + c * translations[frames]
-        return (points[:, :2] / points[:, 2:] - image[frames]).ravel()
-
+    residuals = residuals_of(image, frames, poses)
     bounds = [-np.inf, -np.inf, 0], np.inf
     return 2 * least_squares(residuals, [*image[REFERENCE], 0.5], bounds=bounds).cost
 
