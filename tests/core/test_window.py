@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import plain_rigid
 from helpers.windows import two_windows
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy.optimize import least_squares
 
 from skmotionseg._core.geometry.camera import Camera
 from skmotionseg._core.stream.assignment import measure
@@ -50,20 +50,6 @@ def test_residuals_of_few_tracks_are_corrected_the_most(windows):
     assert first.inflation(groups[0][:1], fit) < np.inf
 
 
-def least_square(x, seen, poses):
-    """Least sum of squares of one track over its ray and a positive inverse depth."""
-
-    def residuals(parameters):
-        ray = np.append(parameters[:2], 1)
-        moved = poses.rotations[seen] @ ray + parameters[2] * poses.translations[seen]
-        return (moved[:, :2] / moved[:, 2:] - x[seen]).ravel()
-
-    start = np.append(x[seen].mean(axis=0), 0.1)
-    bounds = [-np.inf, -np.inf, 0], np.inf
-    close = {"bounds": bounds, "xtol": 1e-12, "ftol": 1e-12}
-    return 2 * least_squares(residuals, start, **close).cost
-
-
 def test_squares_are_the_least_over_rays_and_depths(windows):
     (first, _), groups = windows
     fits = first.fit(groups)
@@ -78,7 +64,7 @@ def test_squares_are_the_least_over_rays_and_depths(windows):
                 assert n_free == 0
                 continue
             assert n_free == 2 * seen.sum() - 3
-            expected = least_square(first.x[row], seen, fit.poses)
+            expected = plain_rigid.least_square(first.x[row], seen, *fit.poses)
             assert_allclose(square, expected, rtol=0.02, atol=1e-9)
 
 

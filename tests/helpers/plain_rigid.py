@@ -8,6 +8,7 @@ squares, all unknowns in one matrix, and no padding: what
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from skmotionseg._core.geometry import resection, rigid_motion, starts
@@ -270,3 +271,21 @@ def squared_residual(x, seen, R, t):
         return min(totals)
     others = np.linalg.solve(curvature[:2, :2], curvature[:2, 2])
     return min(totals) + place[2] ** 2 * (curvature[2, 2] - curvature[2, :2] @ others)
+
+
+def residuals_of(x, seen, R, t):
+    """What a ray and an inverse depth leave of one track: a function of the three."""
+
+    def residuals(place):
+        points = R[seen] @ [*place[:2], 1] + place[2] * t[seen]
+        return (points[:, :2] / points[:, 2:] - x[seen]).ravel()
+
+    return residuals
+
+
+def least_square(x, seen, R, t):
+    """Least sum of squares of one track over its ray and a positive inverse depth."""
+    start = [*x[seen].mean(axis=0), 0.1]
+    bounds = [-np.inf, -np.inf, 0], np.inf
+    close = {"bounds": bounds, "xtol": 1e-12, "ftol": 1e-12}
+    return 2 * least_squares(residuals_of(x, seen, R, t), start, **close).cost

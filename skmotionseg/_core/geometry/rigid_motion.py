@@ -514,7 +514,9 @@ def _stepped(problems, state, scale, damping):
     """The state after one damped Gauss-Newton step, the depths eliminated."""
     L, B, _ = problems.seen.shape
     root = _root_of_weights(problems, state, scale)
-    some = _reduced(problems, state, root, state.residuals * root, damping, True)
+    some = _reduced(
+        problems, state, root, state.residuals * root, damping, bounded=True
+    )
     change = np.linalg.solve(some.matrix, some.right)[..., 0]  # (B, 6 L)
     explained = (change[:, None] @ some.mixed)[:, 0]
     change_depths = (some.right_depths - explained) / some.of_depths

@@ -342,8 +342,9 @@ def covered(points, visibility=None):
     low, high : ndarray of shape (2,)
         Zeros if there are no points.
     """
-    n_tracks = len(points) if visibility is None else visibility.any(axis=1).sum()
-    points = points if visibility is None else points[visibility]
+    n_tracks = len(points)
+    if visibility is not None:
+        n_tracks, points = visibility.any(axis=1).sum(), points[visibility]
     if not len(points):
         return np.zeros(2), np.zeros(2)
     share = max(OUTERMOST, min(1.5 / n_tracks, 0.25))
