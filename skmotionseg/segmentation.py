@@ -189,8 +189,9 @@ estimator, default="description_length"
     n_motions_ : int
     background_ : int
         The label of the static scene: the motion whose tracks cover most of the border
-        of the image and extend over most of the image, whatever their number; -1 if no
-        track has a motion. The image is assumed to be the area that the tracks cover.
+        of the image, extend over most of the image and surround the other motions,
+        whatever their number; -1 if no track has a motion. The image is assumed to be
+        the area that the tracks cover.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
         Frame pairs to which the motions were finally fitted.
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
@@ -234,7 +235,8 @@ estimator, default="description_length"
         in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)
         Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
-        where frame pairs are used.
+        where frame pairs are used. ``n_motions_`` is their median, for which that many
+        or more are likelier than fewer: another number may be likelier than it alone.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         Indices of the tracks that were fitted.
     windows_ : ndarray of int, shape (n_windows, 2)

@@ -8,8 +8,8 @@ import pytest
 from skmotionseg._core.partition.scene import (
     LEAST_TRACKS,
     TOUCH,
-    _extents,
     _Joints,
+    _margins,
     _reach,
     background_motion,
     moving_objects,
@@ -47,6 +47,18 @@ def bus():
 def test_what_frames_the_picture_is_the_scene(bus):
     points, visibility, labels = bus
     assert (labels == 0).sum() > 5 * (labels == 1).sum()
+    assert background_motion(points, visibility, labels, SIZE) == 1
+
+
+def test_the_scene_encloses_what_is_followed_even_where_that_takes_more_of_the_frame():
+    """A van in a follow shot: it stays, and reaches both sides of the picture."""
+    scene = np.vstack([grid(10, 4, 310, 20, 60), grid(10, 225, 310, 240, 290)])
+    van = grid(2, 48, 320, 224, 8)
+    points, visibility, labels = put_together(
+        (1, moved(scene, (2, 0))), (0, moved(van, (0, 0)))
+    )
+    shares = _margins(points[:, 0], labels, 2, np.array(SIZE))
+    assert shares[0] > 2 * shares[1]
     assert background_motion(points, visibility, labels, SIZE) == 1
 
 
@@ -187,14 +199,14 @@ def test_the_order_of_tracks_does_not_matter():
 
 def test_tracks_outside_of_the_picture_are_at_its_margin():
     points = np.array([[-900.0, 50.0], [4.0, 50.0], [2000.0, 50.0], [50.0, 50.0]])
-    shares = _extents(points, np.array([0, 1, 0, 1]), 2, np.array([100.0, 100.0]))
+    shares = _margins(points, np.array([0, 1, 0, 1]), 2, np.array([100.0, 100.0]))
     np.testing.assert_allclose(shares, [0.75, 0.25])
 
 
 def test_what_is_outside_is_at_the_side_where_it_left():
     """Not at the other one."""
     points = np.array([[-900.0, -50.0], [99.0, 99.0], [1.0, 1.0], [-20.0, 50.0]])
-    shares = _extents(points, np.array([0, 1, 1, 0]), 2, np.array([100.0, 100.0]))
+    shares = _margins(points, np.array([0, 1, 1, 0]), 2, np.array([100.0, 100.0]))
     # Of three cells of the margin, one is shared.
     np.testing.assert_allclose(shares, [1.5 / 3, 1.5 / 3])
 

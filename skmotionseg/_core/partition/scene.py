@@ -15,6 +15,9 @@ from .reappearing import reappeared
 
 # Cells per side of the picture in which tracks are counted for the extent of a motion.
 N_CELLS = 12
+# That a motion encloses the others counts for so many times its shares of margin and
+# area: in follow shots, what is followed takes more of both than the scene does.
+ENCLOSING = 2.0
 # Sides of what tracks cover that are all at one height, say, pixels.
 LEAST_SIDE = 1e-9
 # Tracks of the static scene by which its motion at a place is told.
@@ -42,7 +45,8 @@ def background_motion(points, visibility, labels, size=None):
     """The motion that is the static scene: what frames the picture and spans it.
 
     A scene reaches further than what moves before it: its tracks take most of the
-    picture's margin, and their convex hull encloses the others. How many tracks it has
+    picture's margin, and their convex hull is large and encloses the others, even where
+    the camera follows something that fills most of the picture. How many tracks it has
     does not count.
 
     Parameters
@@ -83,7 +87,15 @@ def spread_frames(n_frames):
 
 
 def _extents(points, labels, n_labels, size):
-    """Share of the picture's margin, and of its area in the hull, of each motion."""
+    """How far each motion reaches: in the margin, by its hull, and around others."""
+    hulls = [_hull(points[labels == label]) for label in range(n_labels)]
+    areas = np.array([hull.volume if hull else 0.0 for hull in hulls])
+    extents = _margins(points, labels, n_labels, size) + areas / np.prod(size)
+    return extents + ENCLOSING * _enclosing(points, labels, hulls)
+
+
+def _margins(points, labels, n_labels, size):
+    """The share of the picture's margin that each motion takes."""
     cell = (points / size * N_CELLS).astype(int).clip(0, N_CELLS - 1)
     counts = np.zeros((N_CELLS, N_CELLS, n_labels))
     np.add.at(counts, (*cell.T, labels), 1)
@@ -91,18 +103,32 @@ def _extents(points, labels, n_labels, size):
     margin[1:-1, 1:-1] = False
     total = counts.sum(axis=2)
     taken = margin & (total > 0)
-    shares = np.zeros(n_labels)
-    if taken.any():
-        shares = (counts[taken] / total[taken][:, None]).mean(axis=0)
-    hulls = [_hull_area(points[labels == label]) for label in range(n_labels)]
-    return shares + np.array(hulls) / np.prod(size)
+    if not taken.any():
+        return np.zeros(n_labels)
+    return (counts[taken] / total[taken][:, None]).mean(axis=0)
 
 
-def _hull_area(points):
+def _enclosing(points, labels, hulls):
+    """How much of another motion is within each one's hull, less the reverse.
+
+    Shares of tracks, on average over the others.
+    """
+    n = len(hulls)
+    sizes, shares = np.maximum(np.bincount(labels, minlength=n), 1), np.zeros((n, n))
+    for share, hull in zip(shares, hulls, strict=True):
+        if hull is not None:
+            normals, offsets = hull.equations[:, :2], hull.equations[:, 2]
+            within = (points @ normals.T + offsets <= 0).all(axis=1)
+            share[:] = np.bincount(labels, within, n) / sizes
+    return (shares - shares.T).sum(axis=1) / max(n - 1, 1)
+
+
+def _hull(points):
+    """The convex hull of points (n, 2); None if it has no area."""
     try:
-        return ConvexHull(points).volume if len(points) > 2 else 0.0
+        return ConvexHull(points) if len(points) > 2 else None
     except QhullError:  # all on a line
-        return 0.0
+        return None
 
 
 # ---------------------------------------------------------------------------- objects
