@@ -273,6 +273,12 @@ estimator, default="description_length"
     Groups of tracks that are never seen together, not even through other tracks, are
     assigned to different motions, unless ``n_motions`` forbids it.
 
+    Lenses are assumed to keep straight lines straight. Corners that are moved by a few
+    percent do little harm; but if lines in the images are visibly bent, undistort the
+    tracks first (for example with ``cv2.undistortImagePoints``), or parts of the static
+    scene near the border may be taken for other motions, most of all where the camera
+    drives fast.
+
     In a grid search, set ``scoring``, for example to
     ``make_scorer(misclassification_error, greater_is_better=False)``.
 
