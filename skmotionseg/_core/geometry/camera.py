@@ -75,11 +75,14 @@ class Camera(NamedTuple):
         """Calibrated coordinates of points (..., 2), pixels."""
         return (self.straightened(points) - self.middle) / self.unit
 
+    def of_focal_length(self, unit):
+        """The same camera with another focal length, pixels."""
+        return self._replace(unit=unit, noise=self.noise * self.unit / unit)
+
     def changed(self, log_focal_length, bend):
         """The same camera with another focal length, in logarithm, and lens."""
-        unit = float(np.exp(log_focal_length))
-        noise = self.noise * self.unit / unit
-        return self._replace(unit=unit, noise=noise, bend=float(bend))
+        camera = self.of_focal_length(float(np.exp(log_focal_length)))
+        return camera._replace(bend=float(bend))
 
     def derivatives(self, x):
         """By how much calibrated coordinates of a pixel change with the camera.

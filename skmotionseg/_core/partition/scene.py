@@ -116,7 +116,7 @@ def _enclosing(points, labels, hulls):
     n = len(hulls)
     sizes, shares = np.maximum(np.bincount(labels, minlength=n), 1), np.zeros((n, n))
     for share, hull in zip(shares, hulls, strict=True):
-        if hull is not None:
+        if hull:
             normals, offsets = hull.equations[:, :2], hull.equations[:, 2]
             within = (points @ normals.T + offsets <= 0).all(axis=1)
             share[:] = np.bincount(labels, within, n) / sizes

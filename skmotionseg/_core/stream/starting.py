@@ -115,14 +115,15 @@ def calibrate(points, seen, rows, groups, focal_length=None):
     estimate : CameraEstimate
     """
     tried: dict[float, Calibration] = {}
+    usual = Camera.around(points, 1.0, seen)
+    width = usual.unit
 
     def nats(share):
         if share not in tried:
-            camera = Camera.around(points, share, seen)
+            camera = usual.of_focal_length(share * width)
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    width = Camera.around(points, 1.0, seen).unit
     share = best_focal_length(nats) if focal_length is None else focal_length / width
     nats(share)  # if it was given, it is the only one
     best, estimate = tried[share], CameraEstimate(width, focal_length)
