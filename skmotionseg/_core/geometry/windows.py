@@ -24,6 +24,9 @@ from .tracks import covered
 # Frames per window, and frames from one to the next, unless tracks live too briefly.
 WINDOW_FRAMES = 6
 WINDOW_STRIDE = 3
+# The same in the longer windows that judge what was found: they tell better what moves
+# slowly, but of what turns or drives fast, fits are harder to reach.
+JUDGING_STRIDE = 5
 # Frames of the longest clip that is shorter than a window of frames so far apart.
 LONGEST_SHORT = WINDOW_STRIDE * (WINDOW_FRAMES - 1)
 # Frames of a window in which a track must be seen, and tracks that make a motion.
@@ -150,6 +153,19 @@ class Windows:
         other._look_at(points, visibility)
         other.set_focal_length(self.focal_length)
         return other
+
+    def longer(self):
+        """The same tracks in windows of frames that are farther apart.
+
+        Returns
+        -------
+        Windows or None
+            None where the clip, or the life of its tracks, is too short for any.
+        """
+        frames = window_frames(self.visibility, JUDGING_STRIDE)
+        if np.ptp(frames[0]) <= np.ptp(self.frames[0]):
+            return None
+        return Windows(self.points, self.visibility, self.focal_length, frames)
 
     def motions_again(self, motions):
         """Motions found with other tracks, with the residuals of these tracks."""
@@ -448,22 +464,23 @@ def best_focal_length(cost, steps=FOCAL_STEPS):
     return best
 
 
-def window_frames(visibility):
+def window_frames(visibility, most_apart=WINDOW_STRIDE):
     """Frames of each window: as many as cover the clip, evenly.
 
     Parameters
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
+    most_apart : int
 
     Returns
     -------
     ndarray of int, shape (n_windows, n_frames_per_window)
-        Frames are further apart in a longer clip, up to three frames, as long as the
+        Frames are further apart in a longer clip, up to ``most_apart``, as long as the
         usual track is seen throughout.
     """
     n_frames = visibility.shape[1]
     n = min(WINDOW_FRAMES, n_frames)
-    stride = max(1, min(WINDOW_STRIDE, (n_frames - 1) // max(n - 1, 1)))
+    stride = max(1, min(most_apart, (n_frames - 1) // max(n - 1, 1)))
     lifetime = np.median(visibility.sum(axis=1))
     while stride > 1 and (n - 1) * stride + 1 > max(lifetime, n):
         stride -= 1

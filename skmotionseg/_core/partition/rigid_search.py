@@ -9,6 +9,7 @@ or has to place one at infinity, and the graph has few links between them.
 
 from __future__ import annotations
 
+from copy import copy
 from functools import partial
 from typing import NamedTuple
 
@@ -232,6 +233,27 @@ class RigidSearch:
     def noise(self):
         """What the over-segments leave, in pixels of a video 640 pixels wide."""
         return self.scale / SCALE_OF_NOISE * self.windows.pixels
+
+    def over_longer_windows(self):
+        """The same search over longer windows, as it is calibrated.
+
+        Returns
+        -------
+        RigidSearch or None
+            None where there are no longer ones.
+        """
+        windows = self.windows.longer()
+        if windows is None:
+            return None
+        other = copy(self)
+        other.windows = windows
+        other._fitted, other.apart, other._distances_by_own = {}, {}, {}
+        return other
+
+    def sees(self, labels):
+        """Whether most tracks of each group are seen often enough in some window."""
+        often = self.windows.freedom.any(axis=1)
+        return bool((2 * np.bincount(labels, often) > np.bincount(labels)).all())
 
     def restart(self, labels):
         """Forget focal length and motions, and choose them by other groups."""
@@ -739,8 +761,9 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
     """Partitions of least energy, and how many motions there are.
 
     The number of motions is the largest of which a partition is found whose motions
-    are all likelier different than one; its partition is the best of so many that are
-    met, as if the number had been given. So are those of the numbers next to it.
+    are all likelier different than one, by longer windows where there are some; its
+    partition is the best of so many that are met, as if the number had been given. So
+    are those of the numbers next to it.
 
     Parameters
     ----------
@@ -773,10 +796,15 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
         if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
             steps[n] = step
 
+    judge = search.over_longer_windows() if fewest < most else None
+
     def best_into(n_motions, *others):
         starts = _of_number(search, n_motions, paths, candidates, bisect)
         (best,) = search.run(_best_improved(search, starts, bisect, others))
-        return best
+        if best is None or judge is None:
+            return best
+        (judged,) = judge.run(_judged(judge, best))
+        return judged
 
     chosen = max(_n_apart(path, fewest, most) for path in paths)
     while True:
@@ -963,6 +991,21 @@ def _splits(search, step, bisect):
     """Partitions with one group more: halves of the graph, and what is unexplained."""
     yield from split(step.labels, bisect)
     yield from search.unexplained(step.labels, step.motions)
+
+
+def _judged(judge, step):
+    """Search for what longer windows say of a step: the step with their log odds.
+
+    Longer windows tell more of the focal length, too, and where it is wrong what turns
+    is torn. A group whose tracks live too briefly for them is judged as it was.
+    """
+    if step.n_motions == 1 or not judge.sees(step.labels):
+        return step
+    motions = yield from judge.motions(step.labels)
+    if judge.calibrate(step.labels, FOCAL_STEPS[:2], motions):
+        motions = yield from judge.motions(step.labels)
+    (i, j), least = yield from judge.least_apart(step.labels, motions)
+    return _with_odds_of(step, i, j, least)
 
 
 def with_odds(search, step):
