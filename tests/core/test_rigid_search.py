@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skmotionseg import unpack_tracks
+from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS, FOCAL_STEPS, Windows
 from skmotionseg._core.labels import canonical_labels, groups_of
 from skmotionseg._core.partition import rigid_search as module
@@ -23,6 +23,7 @@ from skmotionseg._core.partition.rigid_search import (
     Step,
     _energy,
     _fine_enough,
+    _judged,
     _n_apart,
     _Pair,
     calibrated_paths,
@@ -258,6 +259,84 @@ def test_what_drives_away_from_a_moving_camera_is_apart():
     _, found = done(search, search.least_apart(y, done(search, search.motions(y))))
     assert found.gain > 3
     assert found.log_odds > 0
+
+
+def turned_slowly(rng, n_tracks=120, n_frames=30):
+    """What turns about an axis, and something inside of it that turns faster."""
+    y = (np.arange(n_tracks) < n_tracks // 3).astype(int)
+    world = rng.uniform(-1, 1, (n_tracks, 3)) * np.where(y == 1, 0.3, 1)[:, None]
+    angles = np.arange(n_frames)[:, None] * np.where(y == 1, 0.024, 0.01)
+    x, height, z = world.T
+    sine, cosine = np.sin(angles), np.cos(angles)
+    x, z = cosine * x + sine * z, cosine * z - sine * x + 4
+    points = 320 + 640 * np.stack([x / z, height / z], axis=-1).swapaxes(0, 1)
+    points += 0.1 * rng.standard_normal(points.shape)
+    visibility = np.ones((n_tracks, n_frames), dtype=bool)
+    return points, visibility, np.where(y[:, None] == y, 1.0, 0.1), y
+
+
+def judged(search, judge, labels):
+    """A partition with log odds by shorter windows, and by longer ones."""
+    motions = done(search, search.motions(labels))
+    step = done(search, with_odds(search, Step(0.0, labels, motions)))
+    return step, done(judge, _judged(judge, step))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_longer_windows_tell_what_moves_slowly(seed):
+    scene = turned_slowly(np.random.RandomState(seed))
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    short, longer = judged(search, search.over_longer_windows(), y)
+    assert longer.log_odds > short.log_odds + 1.5
+    assert longer.motions is short.motions
+
+
+def test_longer_windows_say_what_a_search_by_them_alone_says():
+    points, visibility, affinity, y = turned_slowly(np.random.RandomState(0))
+    search = search_of((points, visibility, affinity, y))
+    search.calibrate(y)
+    judge = search.over_longer_windows()
+    judge.focal_length = search.windows.focal_length  # it stays
+    _, step = judged(search, judge, y)
+    windows = Windows(
+        points, visibility, search.windows.focal_length, judge.windows.frames
+    )
+    plain = RigidSearch(windows, affinity, focal_length=windows.focal_length)
+    plain.scale = search.scale
+    motions = done(plain, plain.motions(y))
+    pair, least = done(plain, plain.least_apart(y, motions))
+    assert step.log_odds == pytest.approx(least.log_odds, abs=1e-6)
+    assert step.pair == pair[::-1]
+
+
+def test_what_lives_too_briefly_for_longer_windows_is_judged_by_shorter_ones():
+    points, visibility, affinity, y = turned_slowly(np.random.RandomState(0))
+    visibility[y == 1, 9:] = False  # long enough for one window of the shorter
+    search = search_of((points, visibility, affinity, y))
+    search.calibrate(y)
+    judge = search.over_longer_windows()
+    assert search.sees(y)
+    assert not judge.sees(y)
+    short, longer = judged(search, judge, y)
+    assert longer is short
+
+
+@pytest.mark.parametrize("seed", [20, 32])
+def test_what_turns_is_not_torn_by_short_windows(seed):
+    """By short windows alone, it was in some of these scenes: four motions of three."""
+    scene = make_scene(
+        "table",
+        random_state=seed,
+        n_tracks=120,
+        n_frames=40,
+        n_motions=3,
+        life=80,
+        outliers=0.0,
+        gaps=0.0,
+    )
+    segmenter = MotionSegmenter(random_state=0).fit(scene.data)
+    assert segmenter.n_motions_ == 3
 
 
 @pytest.fixture(scope="module")

@@ -49,6 +49,28 @@ def test_frames_are_as_far_apart_as_tracks_allow():
     assert (np.diff(window_frames(visibility), axis=1) == 2).all()
 
 
+@pytest.mark.parametrize("n_frames, stride", [(20, None), (21, 4), (26, 5), (60, 5)])
+def test_longer_windows_are_those_of_frames_farther_apart(clip, n_frames, stride):
+    points, visibility = (
+        np.concatenate([each] * 5, axis=1)[:, :n_frames]
+        for each in (clip[0].points, np.ones_like(clip[0].visibility))
+    )
+    windows = Windows(points, visibility, 1.3)
+    longer = windows.longer()
+    if stride is None:
+        assert longer is None
+    else:
+        assert (np.diff(longer.frames, axis=1) == stride).all()
+        assert longer.focal_length == windows.focal_length
+        assert longer.longer() is None
+
+
+def test_windows_are_no_longer_than_tracks_live():
+    visibility = np.arange(60) < np.full((5, 1), 17)
+    points = np.random.RandomState(0).uniform(size=(5, 60, 2))
+    assert Windows(points, visibility).longer() is None
+
+
 def test_windows_are_short_where_tracks_are():
     visibility = np.zeros((40, 60), dtype=bool)
     for track in range(40):
