@@ -2,12 +2,14 @@
 
     python -m benchmarks.scenes_bench --scenes 20 --half tune
     python -m benchmarks.scenes_bench --families dense_small --tracks 2000 7000
+    python -m benchmarks.scenes_bench --families table articulated --frames 24 60
 
 Constants are set on the scenes with even seeds (``--half tune``) and reported on those
 with odd ones (``--half report``). Only scenes whose true motions tell the tracks apart
 are judged (``--separation``), and which show enough tracks of each motion at a time to
 find it by (``--together``); each family has as many of them. They have a few hundred
-tracks; with more (``--tracks``), landmarks are what is judged. Another program calls
+tracks; with more (``--tracks``), landmarks are what is judged, and in more frames
+(``--frames``), longer windows judge the number of motions. Another program calls
 :func:`run` with an estimator of its own.
 """
 
@@ -253,12 +255,18 @@ def _parser():
     add("--families", nargs="+", choices=scene_families(), default=scene_families())
     add("--separation", type=float, default=SEPARATION)
     add("--together", type=int, default=TOGETHER, help="in some frame, of each motion")
-    add("--tracks", type=int, nargs=2, metavar=("LOW", "HIGH"), help="of a scene")
+    for what in ("tracks", "frames"):
+        add(f"--{what}", type=int, nargs=2, metavar=("LOW", "HIGH"), help="of a scene")
     add("--jobs", type=int, default=1, help="scenes at a time")
     add("--known", action="store_true", help="only with the number of motions given")
     add("--unknown", action="store_true", help="only without")
     add("--json", type=Path, help="keep the figures of each family there")
     return parser
+
+
+def _overrides(**given):
+    """What is given of the tracks and frames of a scene, as ranges."""
+    return {name: tuple(limits) for name, limits in given.items() if limits}
 
 
 def main(arguments=None):
@@ -276,7 +284,7 @@ def main(arguments=None):
         together=arguments.together,
         n_jobs=arguments.jobs,
         progress=lambda rows: show_line(summarise(rows)),
-        overrides={"n_tracks": tuple(arguments.tracks)} if arguments.tracks else None,
+        overrides=_overrides(n_tracks=arguments.tracks, n_frames=arguments.frames),
     )
     show_line(summarise(rows, "all"))
     for row in rows:

@@ -464,6 +464,25 @@ def test_failures_are_counted_and_the_rest_goes_on(capsys):
     assert "4 failed" in capsys.readouterr().out
 
 
+def test_scenes_have_the_tracks_and_frames_that_are_asked_for(monkeypatch):
+    asked = {}
+
+    def run(**arguments):
+        asked.update(arguments)
+        return [{"family": "table", "known": 0.0}]
+
+    monkeypatch.setattr(scenes_bench, "run", run)
+    monkeypatch.setattr(scenes_bench, "show_line", lambda *_: None)
+    monkeypatch.setattr(scenes_bench, "summarise", lambda *_: {})
+    scenes_bench.main(["--frames", "24", "60"])
+    assert asked["overrides"] == {"n_frames": (24, 60)}
+    scenes_bench.main(["--frames", "24", "60", "--tracks", "50", "70"])
+    assert asked["overrides"] == {"n_frames": (24, 60), "n_tracks": (50, 70)}
+    (scene,) = islice(scenes_bench.scenes_of("table", **asked["overrides"]), 1)
+    assert 24 <= scene.data.shape[1] / 2 <= 60
+    assert 50 <= len(scene.data) <= 70
+
+
 def test_both_commands_print_a_line_per_family_and_keep_it(tmp_path, capsys):
     families = ["--scenes", "1", "--families", "two_images", "--json"]
     scenes_bench.main([*families, str(tmp_path / "bench.json"), "--known"])
