@@ -157,15 +157,21 @@ class Windows:
     def longer(self):
         """The same tracks in windows of frames that are farther apart.
 
+        Together they see the whole clip: something may move in its last frames alone.
+
         Returns
         -------
         Windows or None
             None where the clip, or the life of its tracks, is too short for any.
         """
-        frames = window_frames(self.visibility, JUDGING_STRIDE)
+        frames = window_frames(self.visibility, JUDGING_STRIDE, left_out=0)
         if np.ptp(frames[0]) <= np.ptp(self.frames[0]):
             return None
-        return Windows(self.points, self.visibility, self.focal_length, frames)
+        other = copy(self)
+        other.frames = frames
+        other._look_at(self.points, self.visibility)
+        other.set_focal_length(self.focal_length)
+        return other
 
     def motions_again(self, motions):
         """Motions found with other tracks, with the residuals of these tracks."""
@@ -464,13 +470,15 @@ def best_focal_length(cost, steps=FOCAL_STEPS):
     return best
 
 
-def window_frames(visibility, most_apart=WINDOW_STRIDE):
+def window_frames(visibility, most_apart=WINDOW_STRIDE, left_out=1 / 3):
     """Frames of each window: as many as cover the clip, evenly.
 
     Parameters
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
     most_apart : int
+    left_out : float
+        Windows that the frames that none covers would make: at most so many.
 
     Returns
     -------
@@ -485,7 +493,7 @@ def window_frames(visibility, most_apart=WINDOW_STRIDE):
     while stride > 1 and (n - 1) * stride + 1 > max(lifetime, n):
         stride -= 1
     span = (n - 1) * stride + 1
-    n_windows = max(1, int(np.ceil(n_frames / span - 1 / 3)))
+    n_windows = max(1, int(np.ceil(n_frames / span - left_out)))
     starts = np.linspace(0, n_frames - span, n_windows).round().astype(int)
     return np.unique(starts)[:, None] + stride * np.arange(n)
 

@@ -235,7 +235,9 @@ class RigidSearch:
         return self.scale / SCALE_OF_NOISE * self.windows.pixels
 
     def over_longer_windows(self):
-        """The same search over longer windows, as it is calibrated.
+        """The same search over longer windows, with its camera and noise to begin with.
+
+        Links do not depend on windows, and those that are summed are shared.
 
         Returns
         -------
@@ -249,11 +251,6 @@ class RigidSearch:
         other.windows = windows
         other._fitted, other.apart, other._distances_by_own = {}, {}, {}
         return other
-
-    def sees(self, labels):
-        """Whether most tracks of each group are seen often enough in some window."""
-        often = self.windows.freedom.any(axis=1)
-        return bool((2 * np.bincount(labels, often) > np.bincount(labels)).all())
 
     def restart(self, labels):
         """Forget focal length and motions, and choose them by other groups."""
@@ -607,13 +604,17 @@ class RigidSearch:
         return depths, [error * self.scale for error in errors]
 
     def _at_other_times(self, first, second):
-        """Whether each of two groups has enough tracks in a window, but both in none.
+        """Whether each of two groups is seen in some frame, but both in none.
 
-        A group that has enough in no window has no motion that could be another.
+        By enough tracks that their windows tell something of: a group that has as many
+        in no frame has no motion that could be another.
         """
+        groups = first, second
+        told = [self.windows.freedom[group].T > 0 for group in groups]
         enough = [
-            np.count_nonzero(self.windows.freedom[group], axis=0) >= FEWEST_TRACKS
-            for group in (first, second)
+            np.count_nonzero(self.windows.seen[:, group] & known[..., None], axis=1)
+            >= FEWEST_TRACKS
+            for group, known in zip(groups, told, strict=True)
         ]
         return all(map(np.any, enough)) and not np.logical_and(*enough).any()
 
@@ -748,7 +749,9 @@ class RigidPartitions(NamedTuple):
     Attributes
     ----------
     steps : dict of int to Step
-        The best partition for each number of motions that was met.
+        The best partition for each number of motions that was met. The log odds of
+        those that were searched as if their number had been given are by longer windows
+        where there are some.
     chosen : int
         The number of motions.
     """
@@ -796,15 +799,11 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
         if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
             steps[n] = step
 
-    judge = search.over_longer_windows() if fewest < most else None
-
     def best_into(n_motions, *others):
         starts = _of_number(search, n_motions, paths, candidates, bisect)
         (best,) = search.run(_best_improved(search, starts, bisect, others))
-        if best is None or judge is None:
-            return best
-        (judged,) = judge.run(_judged(judge, best))
-        return judged
+        is_open = best is not None and fewest < most
+        return _judged_by_longer_windows(search, best) if is_open else best
 
     chosen = max(_n_apart(path, fewest, most) for path in paths)
     while True:
@@ -993,19 +992,39 @@ def _splits(search, step, bisect):
     yield from search.unexplained(step.labels, step.motions)
 
 
-def _judged(judge, step):
-    """Search for what longer windows say of a step: the step with their log odds.
+def _judged_by_longer_windows(search, step):
+    """A step with the two groups that are least apart, and log odds, by longer windows.
 
-    Longer windows tell more of the focal length, too, and where it is wrong what turns
-    is torn. A group whose tracks live too briefly for them is judged as it was.
+    With its own motions, and as it is where there are no such windows.
     """
-    if step.n_motions == 1 or not judge.sees(step.labels):
+    judge = search.over_longer_windows() if step.n_motions > 1 else None
+    if judge is None:
         return step
+    (judged,) = judge.run(_judged(judge, step))
+    return judged
+
+
+def _judged(judge, step):
+    """Search for what other windows say of a step; itself where they do not tell.
+
+    The focal length is chosen once more: where it is wrong, what turns is torn, the
+    more the longer it is watched.
+    """
     motions = yield from judge.motions(step.labels)
+    if not _all_known(step.labels, motions):
+        return step
     if judge.calibrate(step.labels, FOCAL_STEPS[:2], motions):
         motions = yield from judge.motions(step.labels)
     (i, j), least = yield from judge.least_apart(step.labels, motions)
     return _with_odds_of(step, i, j, least)
+
+
+def _all_known(labels, motions):
+    """Whether motions say something of most tracks of each group."""
+    return all(
+        2 * np.count_nonzero(motion.known[group]) > len(group)
+        for group, motion in zip(groups_of(labels), motions, strict=True)
+    )
 
 
 def with_odds(search, step):
