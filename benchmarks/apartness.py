@@ -7,6 +7,8 @@ they are not. A logistic regression on what says that they are different motions
 (``skmotionseg._core.partition.rigid_search.evidence``) gives the constants of that
 module. Which partition is the best, and which two groups decide, depends on the
 constants, so it is repeated with those that decide by the constants of the last time.
+Evidence is of the windows of the search; in clips of more than twenty frames, longer
+ones decide, by the same constants.
 With ``--data DIR``, partitions of real sequences are told by the same constants, for
 comparison::
 

@@ -23,7 +23,7 @@ from skmotionseg._core.partition.rigid_search import (
     Step,
     _energy,
     _fine_enough,
-    _judged,
+    _judged_by_longer_windows,
     _n_apart,
     _Pair,
     calibrated_paths,
@@ -265,44 +265,39 @@ def turned_slowly(rng, n_tracks=120, n_frames=30):
     """What turns about an axis, and something inside of it that turns faster."""
     y = (np.arange(n_tracks) < n_tracks // 3).astype(int)
     world = rng.uniform(-1, 1, (n_tracks, 3)) * np.where(y == 1, 0.3, 1)[:, None]
-    angles = np.arange(n_frames)[:, None] * np.where(y == 1, 0.024, 0.01)
+    angles = np.arange(n_frames)[:, None] * np.where(y == 1, 0.05, 0.01)
     x, height, z = world.T
     sine, cosine = np.sin(angles), np.cos(angles)
     x, z = cosine * x + sine * z, cosine * z - sine * x + 4
     points = 320 + 640 * np.stack([x / z, height / z], axis=-1).swapaxes(0, 1)
     points += 0.1 * rng.standard_normal(points.shape)
     visibility = np.ones((n_tracks, n_frames), dtype=bool)
-    return points, visibility, np.where(y[:, None] == y, 1.0, 0.1), y
+    return points, visibility, np.where(y[:, None] == y, 1.0, 0.05), y
 
 
-def judged(search, judge, labels):
-    """A partition with log odds by shorter windows, and by longer ones."""
+def judged(search, labels):
+    """A partition with log odds by the search's windows, and by longer ones."""
+    search.calibrate(labels)
     motions = done(search, search.motions(labels))
     step = done(search, with_odds(search, Step(0.0, labels, motions)))
-    return step, done(judge, _judged(judge, step))
+    return step, _judged_by_longer_windows(search, step)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_longer_windows_tell_what_moves_slowly(seed):
     scene = turned_slowly(np.random.RandomState(seed))
-    y, search = scene[-1], search_of(scene)
-    search.calibrate(y)
-    short, longer = judged(search, search.over_longer_windows(), y)
-    assert longer.log_odds > short.log_odds + 1.5
+    short, longer = judged(search_of(scene), scene[-1])
+    assert short.log_odds < -1
+    assert longer.log_odds > 1
     assert longer.motions is short.motions
 
 
 def test_longer_windows_say_what_a_search_by_them_alone_says():
     points, visibility, affinity, y = turned_slowly(np.random.RandomState(0))
-    search = search_of((points, visibility, affinity, y))
-    search.calibrate(y)
-    judge = search.over_longer_windows()
-    judge.focal_length = search.windows.focal_length  # it stays
-    _, step = judged(search, judge, y)
-    windows = Windows(
-        points, visibility, search.windows.focal_length, judge.windows.frames
-    )
-    plain = RigidSearch(windows, affinity, focal_length=windows.focal_length)
+    search = RigidSearch(Windows(points, visibility), affinity, focal_length=1.0)
+    _, step = judged(search, y)
+    frames = search.windows.longer().frames
+    plain = RigidSearch(Windows(points, visibility, 1.0, frames), affinity)
     plain.scale = search.scale
     motions = done(plain, plain.motions(y))
     pair, least = done(plain, plain.least_apart(y, motions))
@@ -310,16 +305,47 @@ def test_longer_windows_say_what_a_search_by_them_alone_says():
     assert step.pair == pair[::-1]
 
 
-def test_what_lives_too_briefly_for_longer_windows_is_judged_by_shorter_ones():
+@pytest.mark.parametrize("n_long", [0, FEWEST_TRACKS - 1])
+def test_what_lives_too_briefly_for_longer_windows_is_judged_by_shorter_ones(n_long):
     points, visibility, affinity, y = turned_slowly(np.random.RandomState(0))
-    visibility[y == 1, 9:] = False  # long enough for one window of the shorter
-    search = search_of((points, visibility, affinity, y))
-    search.calibrate(y)
-    judge = search.over_longer_windows()
-    assert search.sees(y)
-    assert not judge.sees(y)
-    short, longer = judged(search, judge, y)
+    (turned,) = np.nonzero(y == 1)
+    visibility[turned[n_long:], 9:] = False
+    kept = np.setdiff1d(np.arange(len(y)), turned[7:]) if n_long else np.arange(len(y))
+    points, visibility, y = points[kept], visibility[kept], y[kept]
+    search = search_of((points, visibility, affinity[np.ix_(kept, kept)], y))
+    short, longer = judged(search, y)
     assert longer is short
+
+
+def test_what_moves_in_the_last_frames_alone_is_apart():
+    rng = np.random.RandomState(0)
+    points, visibility, affinity, y = before_a_still_camera(rng, n_frames=34)
+    way = 3 * np.arange(34)
+    points[y == 1, :, 0] += 5 * np.maximum(np.arange(34) - 26, 0) - way
+    short, longer = judged(search_of((points, visibility, affinity, y)), y)
+    assert short.log_odds > 1
+    assert longer.log_odds > 1
+
+
+def test_what_one_window_but_no_frame_shows_together_is_told_by_links():
+    points, visibility, affinity, y = before_a_still_camera(
+        np.random.RandomState(0), n_frames=30
+    )
+    first, second = (np.flatnonzero(y == 0)[side:30:2] for side in (0, 1))
+    visibility[first, 14:] = visibility[second, :14] = False
+    search = search_of((points, visibility, affinity, y))
+    judge = search.over_longer_windows()
+    both = (judge.windows.freedom[group].all(axis=0) for group in (first, second))
+    assert np.logical_and(*both).any()  # in one window of the judge
+    assert judge._at_other_times(first, second)
+    visibility[second[:FEWEST_TRACKS], :14] = True
+    judge = search_of((points, visibility, affinity, y)).over_longer_windows()
+    assert not judge._at_other_times(first, second)
+
+
+def test_a_number_that_is_given_is_not_judged(scene, monkeypatch):
+    monkeypatch.setattr(RigidSearch, "over_longer_windows", None)
+    assert found_in(scene, np.array([2])).chosen == 2
 
 
 @pytest.mark.parametrize("seed", [20, 32])

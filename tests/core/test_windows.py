@@ -49,7 +49,9 @@ def test_frames_are_as_far_apart_as_tracks_allow():
     assert (np.diff(window_frames(visibility), axis=1) == 2).all()
 
 
-@pytest.mark.parametrize("n_frames, stride", [(20, None), (21, 4), (26, 5), (60, 5)])
+@pytest.mark.parametrize(
+    "n_frames, stride", [(20, None), (21, 4), (26, 5), (34, 5), (60, 5)]
+)
 def test_longer_windows_are_those_of_frames_farther_apart(clip, n_frames, stride):
     points, visibility = (
         np.concatenate([each] * 5, axis=1)[:, :n_frames]
@@ -62,6 +64,8 @@ def test_longer_windows_are_those_of_frames_farther_apart(clip, n_frames, stride
     else:
         assert (np.diff(longer.frames, axis=1) == stride).all()
         assert longer.focal_length == windows.focal_length
+        assert longer.frames.min() == 0
+        assert longer.frames.max() == n_frames - 1
         assert longer.longer() is None
 
 
