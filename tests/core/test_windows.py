@@ -50,23 +50,30 @@ def test_frames_are_as_far_apart_as_tracks_allow():
 
 
 @pytest.mark.parametrize(
-    "n_frames, stride", [(20, None), (21, 4), (26, 5), (34, 5), (60, 5)]
+    "n_frames, strides",
+    [
+        (20, None),
+        (21, {4}),
+        (26, {5}),
+        (30, {6, 5}),  # stretched
+        (34, {6, 7}),
+        (35, {5}),  # two that overlap
+        (60, {5, 6}),
+    ],
 )
-def test_longer_windows_are_those_of_frames_farther_apart(clip, n_frames, stride):
-    points, visibility = (
-        np.concatenate([each] * 5, axis=1)[:, :n_frames]
-        for each in (clip[0].points, np.ones_like(clip[0].visibility))
-    )
-    windows = Windows(points, visibility, 1.3)
+def test_longer_windows_are_those_of_frames_farther_apart(n_frames, strides):
+    points = np.random.RandomState(0).uniform(size=(5, n_frames, 2))
+    windows = Windows(points, np.ones((5, n_frames), dtype=bool), 1.3)
     longer = windows.longer()
-    if stride is None:
+    if strides is None:
         assert longer is None
-    else:
-        assert (np.diff(longer.frames, axis=1) == stride).all()
-        assert longer.focal_length == windows.focal_length
-        assert longer.frames.min() == 0
-        assert longer.frames.max() == n_frames - 1
-        assert longer.longer() is None
+        return
+    assert set(np.diff(longer.frames, axis=1).ravel()) == strides
+    assert longer.focal_length == windows.focal_length
+    assert longer.frames.min() == 0
+    assert longer.frames.max() == n_frames - 1
+    assert np.diff(np.unique(longer.frames)).max() <= 7
+    assert longer.x.shape == (*longer.frames.shape[:1], 5, WINDOW_FRAMES, 2)
 
 
 def test_windows_are_no_longer_than_tracks_live():

@@ -158,17 +158,18 @@ class Windows:
         """The same tracks in windows of frames that are farther apart.
 
         Together they see the whole clip: something may move in its last frames alone.
+        So they are stretched, by a third at most, where they would leave some out.
 
         Returns
         -------
         Windows or None
             None where the clip, or the life of its tracks, is too short for any.
         """
-        frames = window_frames(self.visibility, JUDGING_STRIDE, left_out=0)
+        frames = window_frames(self.visibility, JUDGING_STRIDE)
         if np.ptp(frames[0]) <= np.ptp(self.frames[0]):
             return None
         other = copy(self)
-        other.frames = frames
+        other.frames = _stretched(frames, self.visibility.shape[1])
         other._look_at(self.points, self.visibility)
         other.set_focal_length(self.focal_length)
         return other
@@ -470,15 +471,13 @@ def best_focal_length(cost, steps=FOCAL_STEPS):
     return best
 
 
-def window_frames(visibility, most_apart=WINDOW_STRIDE, left_out=1 / 3):
+def window_frames(visibility, most_apart=WINDOW_STRIDE):
     """Frames of each window: as many as cover the clip, evenly.
 
     Parameters
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
     most_apart : int
-    left_out : float
-        Windows that the frames that none covers would make: at most so many.
 
     Returns
     -------
@@ -493,9 +492,18 @@ def window_frames(visibility, most_apart=WINDOW_STRIDE, left_out=1 / 3):
     while stride > 1 and (n - 1) * stride + 1 > max(lifetime, n):
         stride -= 1
     span = (n - 1) * stride + 1
-    n_windows = max(1, int(np.ceil(n_frames / span - left_out)))
+    n_windows = max(1, int(np.ceil(n_frames / span - 1 / 3)))
     starts = np.linspace(0, n_frames - span, n_windows).round().astype(int)
     return np.unique(starts)[:, None] + stride * np.arange(n)
+
+
+def _stretched(frames, n_frames):
+    """Windows of about as many frames that leave out none of a clip."""
+    n_windows, n = frames.shape
+    if n_windows * (np.ptp(frames[0]) + 1) >= n_frames:
+        return frames
+    edges = np.linspace(0, n_frames, n_windows + 1).round()
+    return np.linspace(edges[:-1], edges[1:] - 1, n, axis=1).round().astype(int)
 
 
 def spread_window_frames(visibility):
