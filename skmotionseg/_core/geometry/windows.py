@@ -478,6 +478,7 @@ def window_frames(visibility, most_apart=WINDOW_STRIDE):
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
     most_apart : int
+        From one frame of a window to the next.
 
     Returns
     -------
