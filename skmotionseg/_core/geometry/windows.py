@@ -168,11 +168,9 @@ class Windows:
         frames = window_frames(self.visibility, JUDGING_STRIDE)
         if np.ptp(frames[0]) <= np.ptp(self.frames[0]):
             return None
-        other = copy(self)
-        other.frames = _stretched(frames, self.visibility.shape[1])
-        other._look_at(self.points, self.visibility)
-        other.set_focal_length(self.focal_length)
-        return other
+        longer = copy(self)
+        longer.frames = _stretched(frames, self.visibility.shape[1])
+        return longer.of(self.points, self.visibility)
 
     def motions_again(self, motions):
         """Motions found with other tracks, with the residuals of these tracks."""

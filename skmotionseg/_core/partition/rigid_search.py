@@ -609,14 +609,14 @@ class RigidSearch:
         By enough tracks that their windows tell something of: a group that has as many
         in no frame has no motion that could be another.
         """
-        groups = first, second
-        told = [self.windows.freedom[group].T > 0 for group in groups]
-        enough = [
-            np.count_nonzero(self.windows.seen[:, group] & known[..., None], axis=1)
-            >= FEWEST_TRACKS
-            for group, known in zip(groups, told, strict=True)
-        ]
-        return all(map(np.any, enough)) and not np.logical_and(*enough).any()
+        one, other = self._shown(first), self._shown(second)
+        return bool(one.any() and other.any() and not (one & other).any())
+
+    def _shown(self, group):
+        """Frames (W, L) of windows in which enough tracks of a group are seen."""
+        told = self.windows.freedom[group].T > 0
+        seen = self.windows.seen[:, group] & told[..., None]
+        return np.count_nonzero(seen, axis=1) >= FEWEST_TRACKS
 
     def _explained(self, group, motion):
         """The tracks of a group that its motion explains."""
