@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from numbers import Integral
 from typing import NamedTuple
 
@@ -16,7 +17,8 @@ from .._core.geometry.tracks import (
     unpack_tracks,
 )
 from .._core.labels import canonical_labels
-from .._core.stream.joining import Joiner, left_out, parts_of
+from .._core.stream.agreement import WindowMotions, agreeing
+from .._core.stream.joining import Joiner, parts_of
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.validation import TooFewTracksError, as_memory
@@ -162,20 +164,18 @@ def segment_in_windows(clip, segmenter, rng, report=None):
         n_jobs=segmenter.n_jobs,
         done=report and (lambda done: report(done, len(parts))),
     )
+    again = partial(_segmented_again, clip, memory, estimator, seeds)
+    limits = estimator.min_motions, estimator.max_motions
+    found = agreeing(parts, found, again, *limits)
     joiner = Joiner(clip.n_tracks, most, clip.extent)
-    surely = np.array([each for _, each in found])
-    known = np.where(np.isnan(surely), 1.0, surely)
-    steps = zip(parts, found, known, left_out(known), strict=True)
-    for part, (labels, _), sure, out in steps:
-        if out:
-            joiner.leave_out(part, labels)
-        else:
-            points, seen = clip.window(part)
-            joiner.add(part, points, seen, labels, sure)
+    for part, (labels, sure) in zip(parts, found, strict=True):
+        points, seen = clip.window(part)
+        joiner.add(part, points, seen, labels, 1.0 if np.isnan(sure) else sure)
     labels, shares = joiner.labels()
     frames = np.array([[part.start, part.stop - 1] for part in parts])
-    counts = np.array([len(np.unique(own[own >= 0])) for own, _ in found])
-    return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
+    counts, surely = np.array([(own.n_motions, own.surely) for own in found]).T
+    labels = canonical_labels(labels)
+    return WindowedLabels(labels, shares, frames, counts.astype(int), surely)
 
 
 def _check_frame_gap(frame_gap, parts):
@@ -198,13 +198,20 @@ def _for_windows(segmenter, most):
     )
 
 
+def _segmented_again(clip, memory, estimator, seeds, k, n_motions, attempt):
+    """Labels of a window with so many motions."""
+    seed = int(seeds[k]) + attempt
+    numbered = clone(estimator).set_params(n_motions=n_motions, random_state=seed)
+    return _recall(memory, numbered, pack_tracks(*clip.window(clip.parts[k]))).labels
+
+
 def _recall(memory, estimator, X):
     """What there is to know of a window, from memory, or else put there."""
     return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):
-    """Labels, and how probable it is that there are no fewer motions.
+    """The motions of a window.
 
     A window may have fewer tracks than the landmarks that are asked for, and too few
     for any motion. The version says of what code they are, where they are kept.
@@ -214,6 +221,6 @@ def _segment(estimator, X, version):
     try:
         labels = estimator.fit(X).labels_
     except TooFewTracksError:
-        return np.full(len(X), -1), np.nan
+        return WindowMotions(np.full(len(X), -1), np.nan)
     surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
-    return labels, 1.0 if np.isnan(surely) else float(surely)
+    return WindowMotions(labels, 1.0 if np.isnan(surely) else float(surely))

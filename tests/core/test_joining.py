@@ -14,7 +14,6 @@ from skmotionseg._core.stream.joining import (
     WINDOW,
     Joiner,
     Part,
-    left_out,
     parts_of,
 )
 
@@ -191,27 +190,3 @@ def test_motion_that_a_window_is_unsure_of_stays_if_it_shares_no_tracks():
     found, shares = joiner.labels()
     assert_array_equal(found, labels)
     assert_array_equal(shares, 1)
-
-
-def test_unsure_windows_between_sure_ones_are_left_out():
-    found = left_out([0.5, 1, 0.5, 1, 0.9, 0.9, 1, 0.5])
-    assert np.flatnonzero(found).tolist() == [2]
-    assert not left_out([0.5]).any()
-    assert not left_out([0.5, 0.5]).any()
-
-
-@pytest.mark.parametrize(("most", "last"), [(None, 2), (2, -1)])
-def test_window_that_takes_two_things_for_one_changes_no_numbers(most, last):
-    """Two of three windows see two things; tracks of the other one only are placed."""
-    points = three_places(40)[0]
-    tracks, seen = np.arange(36), np.ones((36, 10), dtype=bool)
-    whole = np.repeat([0, 1, -1], [10, 10, 16])
-    wrong = np.repeat([1, 0, 0, 2, -1], [10, 10, 5, 6, 5])  # with 11 other tracks
-    joiner = Joiner(36, most, np.array([640.0, 480.0]))
-    joiner.add(Part(0, 10, tracks), points[:36], seen, whole)
-    joiner.leave_out(Part(10, 20, tracks), wrong)
-    joiner.add(Part(20, 30, tracks), points[:36], seen, whole)
-    labels, shares = joiner.labels()
-    assert_array_equal(labels, np.repeat([0, 1, last, -1], [10, 15, 6, 5]))
-    assert_array_equal(shares[:25], 1)
-    assert_array_equal(joiner.labels()[0], labels)

@@ -13,9 +13,9 @@ from .identities import SHARED_TRACKS, Numbers, Trace, going_on
 WINDOW, OVERLAP = 30, 10
 # Frames of a window in which its tracks are seen, if they are anywhere.
 FEWEST_SEEN = 5
-# Probability below which a motion is part of another, if windows before or after its
-# own say so, and below which a window between two that are sure joins nothing; and
-# what a window says at most.
+# Probability of no fewer motions from which on a window is sure of them, and below
+# which a motion is part of another, if windows before or after its own say so; and what
+# a window says at most.
 SURE, MOST_SURE = 0.95, 0.999
 
 
@@ -67,27 +67,6 @@ def parts_of(visibility):
     ]
 
 
-def left_out(surely):
-    """Which windows are so unsure that those beside them are joined without them.
-
-    Where two things are taken for one, the numbers of both would go on with it.
-
-    Parameters
-    ----------
-    surely : ndarray of shape (n_windows,)
-        Probability that there are no fewer motions in each.
-
-    Returns
-    -------
-    ndarray of bool, shape (n_windows,)
-        Never two in succession.
-    """
-    sure = np.asarray(surely) >= SURE
-    found = np.zeros(len(sure), dtype=bool)
-    found[1:-1] = ~sure[1:-1] & sure[:-2] & sure[2:]
-    return found
-
-
 class Joiner:
     """Numbers for the motions of one window after the other.
 
@@ -110,7 +89,6 @@ class Joiner:
         self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
         self._living: list[int] = []  # motions of the last window, ascending
         self._log_odds: dict[int, float] = {}  # that each is one of its own
-        self._left_out: list[tuple[np.ndarray, np.ndarray]] = []  # tracks, labels
 
     def add(self, part, points, seen, labels, surely=1.0):
         """Join the next window.
@@ -152,13 +130,6 @@ class Joiner:
         if self.most is None:  # else, what comes back is one of so many
             self.numbers.forget(part.start)
 
-    def leave_out(self, part, labels):
-        """Take note of a window that joins nothing: the next goes on with the last.
-
-        Its tracks that no other window judges go with the others of their groups.
-        """
-        self._left_out.append((part.tracks, labels))
-
     def labels(self):
         """The number that each track had in most frames, and in which share of them.
 
@@ -168,9 +139,6 @@ class Joiner:
             -1 for none.
         shares : ndarray of shape (n_tracks,)
         """
-        for tracks, labels in self._left_out:
-            self._vote_with_others(tracks, labels)
-        self._left_out = []
         votes = self._votes.copy()
         for number, other in self._parts():
             votes[:, other] += votes[:, number]
@@ -233,24 +201,6 @@ class Joiner:
         known = self._last[tracks]
         counts = np.bincount(known[known >= 0], minlength=1)
         return int(counts.argmax()) if counts.max() >= SHARED_TRACKS else None
-
-    def _vote_with_others(self, tracks, labels):
-        """Tracks that have no vote get the number that their group mostly has."""
-        votes = self._votes.copy()
-        for k in range(labels.max(initial=-1) + 1):
-            rows = tracks[labels == k]
-            most = votes[rows].sum(axis=0)
-            number = int(most.argmax()) if most.any() else self._new()
-            silent = rows[~votes[rows].any(axis=1)]
-            if number is not None:
-                self._votes[silent, number] += 1
-
-    def _new(self):
-        """A number for a motion that no other window has; None if all are given."""
-        if self.most is not None and self.numbers.next >= self.most:
-            return None
-        self._votes = np.pad(self._votes, ((0, 0), (0, 1)))
-        return self.numbers.new()
 
     def _vote(self, tracks, names, times):
         more = self.numbers.next - self._votes.shape[1]
