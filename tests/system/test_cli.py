@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import subprocess
 import sys
 from contextlib import redirect_stdout
 
@@ -735,6 +736,12 @@ def test_version(capsys):
         main(["--version"])
     assert stop.value.code == 0
     assert capsys.readouterr().out == f"{__version__}\n"
+
+
+def test_package_runs_as_the_command():
+    command = [sys.executable, "-m", "skmotionseg", "--version"]
+    printed = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert printed.stdout.strip() == __version__
 
 
 def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
