@@ -149,33 +149,55 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     seeds = rng.randint(2**31 - 1, size=len(parts))
     most = None if segmenter.n_motions == "auto" else segmenter.n_motions
     estimator = _for_windows(segmenter, most)
-    memory = as_memory(segmenter.memory)
+    segmented = partial(_segmented, clip, as_memory(segmenter.memory), segmenter.n_jobs)
+
+    def again(places, numbers, attempt):
+        estimators = [
+            clone(estimator).set_params(
+                n_motions=n, random_state=int(seeds[k]) + attempt
+            )
+            for k, n in zip(places, numbers, strict=True)
+        ]
+        return [each.labels for each in segmented(places, estimators)]
+
+    estimators = (clone(estimator).set_params(random_state=int(s)) for s in seeds)
+    progress = report and (lambda done: report(done, len(parts)))
+    found = segmented(range(len(parts)), estimators, progress)
+    found = agreeing(found, again, estimator.min_motions, estimator.max_motions)
+    joiner = Joiner(clip.n_tracks, most, clip.extent)
+    counts = np.array([each.n_motions for each in found])
+    surely = np.array([each.surely for each in found])
+    # What no probability is computed of is relied on.
+    surely[np.isnan(surely) & (counts > 0)] = 1.0
+    for part, each, sure in zip(parts, found, surely, strict=True):
+        points, seen = clip.window(part)
+        joiner.add(part, points, seen, each.labels, sure)
+    labels, shares = joiner.labels()
+    frames = np.array([[part.start, part.stop - 1] for part in parts])
+    return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
+
+
+def _segmented(clip, memory, n_jobs, places, estimators, done=None):
+    """The motions of some windows of a clip, each by its estimator."""
+    parts = [clip.parts[k] for k in places]
     found = run_tasks(
         (
             Task(
                 f"segmenting frames {part.start} to {part.stop - 1}",
                 _recall,
                 memory,
-                clone(estimator).set_params(random_state=int(seed)),
+                estimator,
                 pack_tracks(*clip.window(part)),
             )
-            for part, seed in zip(parts, seeds, strict=True)
+            for part, estimator in zip(parts, estimators, strict=True)
         ),
-        n_jobs=segmenter.n_jobs,
-        done=report and (lambda done: report(done, len(parts))),
+        n_jobs=n_jobs,
+        done=done,
     )
-    again = partial(_segmented_again, clip, memory, estimator, seeds)
-    limits = estimator.min_motions, estimator.max_motions
-    found = agreeing(parts, found, again, *limits)
-    joiner = Joiner(clip.n_tracks, most, clip.extent)
-    for part, (labels, sure) in zip(parts, found, strict=True):
-        points, seen = clip.window(part)
-        joiner.add(part, points, seen, labels, 1.0 if np.isnan(sure) else sure)
-    labels, shares = joiner.labels()
-    frames = np.array([[part.start, part.stop - 1] for part in parts])
-    counts, surely = np.array([(own.n_motions, own.surely) for own in found]).T
-    labels = canonical_labels(labels)
-    return WindowedLabels(labels, shares, frames, counts.astype(int), surely)
+    return [
+        WindowMotions(part.tracks, *each)
+        for part, each in zip(parts, found, strict=True)
+    ]
 
 
 def _check_frame_gap(frame_gap, parts):
@@ -198,20 +220,13 @@ def _for_windows(segmenter, most):
     )
 
 
-def _segmented_again(clip, memory, estimator, seeds, k, n_motions, attempt):
-    """Labels of a window with so many motions."""
-    seed = int(seeds[k]) + attempt
-    numbered = clone(estimator).set_params(n_motions=n_motions, random_state=seed)
-    return _recall(memory, numbered, pack_tracks(*clip.window(clip.parts[k]))).labels
-
-
 def _recall(memory, estimator, X):
     """What there is to know of a window, from memory, or else put there."""
     return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):
-    """The motions of a window.
+    """Labels, and how probable it is that there are no fewer motions; NaN if unknown.
 
     A window may have fewer tracks than the landmarks that are asked for, and too few
     for any motion. The version says of what code they are, where they are kept.
@@ -221,6 +236,6 @@ def _segment(estimator, X, version):
     try:
         labels = estimator.fit(X).labels_
     except TooFewTracksError:
-        return WindowMotions(np.full(len(X), -1), np.nan)
+        return np.full(len(X), -1), np.nan
     surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
-    return WindowMotions(labels, 1.0 if np.isnan(surely) else float(surely))
+    return labels, float(surely)

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from .identities import CONTAINED, SHARED_TRACKS
 from .joining import SURE
@@ -24,13 +25,15 @@ class WindowMotions(NamedTuple):
 
     Attributes
     ----------
+    tracks : ndarray of int, shape (n,)
+        Those of the video that it has.
     labels : ndarray of int, shape (n,)
         ``0..M - 1``, none empty; -1 for none.
     surely : float
-        Probability that there are no fewer motions; NaN where there are too few tracks
-        to look for any.
+        Probability that there are no fewer motions; NaN where it is not known.
     """
 
+    tracks: np.ndarray
     labels: np.ndarray
     surely: float
 
@@ -43,72 +46,107 @@ class WindowMotions(NamedTuple):
         return self.surely >= SURE
 
 
-def agreeing(parts, found, again, fewest, most):
-    """Windows of which those that contradict a sure one beside them are changed.
+class Contradiction(NamedTuple):
+    """A window that contradicts one beside it.
 
-    They are segmented again, into as many motions as that one says, and this is kept
-    if it agrees with all that are sure.
+    Attributes
+    ----------
+    place : int
+        Of the window.
+    n_motions : int
+        That it should have.
+    beside : list of WindowMotions
+        Those beside it that are sure of their motions.
+    """
+
+    place: int
+    n_motions: int
+    beside: list[WindowMotions]
+
+
+def agreeing(found, again, fewest, most):
+    """Windows of which those that contradict the ones beside them are changed.
+
+    They are segmented again, into as many motions as those beside them say, and this is
+    kept if more of their tracks then go together as they do there.
 
     Parameters
     ----------
-    parts : list of Part
     found : list of WindowMotions
-        Of each.
+        In order.
     again : callable
-        ``(k, n_motions, attempt) -> labels (n,)`` of the tracks of window ``k``.
-        Attempts are 0, 1, ...
+        ``(places, numbers, attempt) -> list of labels``: of windows, each with a number
+        of motions. Attempts are 0, 1, ...
     fewest, most : int
         Motions that a window may have.
 
     Returns
     -------
     list of WindowMotions
+        Those that are changed are as sure as the less sure of those beside them.
     """
-    found = list(found)
-    for k, part in enumerate(parts):
-        own, window = found[k], (part.tracks, found[k].labels)
-        sure = [
-            (parts[j].tracks, found[j].labels)
-            for j in (k - 1, k + 1)
-            if 0 <= j < len(parts) and found[j].is_sure
+    changed = list(found)
+    left = [each for each in _contradictions(found) if fewest <= each.n_motions <= most]
+    for attempt in range(ATTEMPTS):
+        if not left:
+            break
+        places, numbers, _ = zip(*left, strict=True)
+        for wrong, labels in zip(left, again(places, numbers, attempt), strict=True):
+            k, beside = wrong.place, wrong.beside
+            surely = min(other.surely for other in beside)
+            new = WindowMotions(found[k].tracks, labels, surely)
+            enough = _n_alike(found[k], beside) + SHARED_TRACKS
+            if _n_alike(new, beside) >= max(enough, _n_alike(changed[k], beside) + 1):
+                changed[k] = new
+        left = [
+            wrong
+            for wrong in left
+            if any(_differences(changed[wrong.place], wrong.beside))
         ]
-        missing, spare = _differences(window, sure)
-        change = missing if own.is_sure else missing - spare
-        n_motions = own.n_motions + change
-        if change and fewest <= n_motions <= most:
-            attempts = (again(k, n_motions, attempt) for attempt in range(ATTEMPTS))
-            agree = (
-                WindowMotions(labels, max(own.surely, SURE))
-                for labels in attempts
-                if not any(_differences((part.tracks, labels), sure))
-            )
-            found[k] = next(agree, own)
-    return found
+    return changed
 
 
-def _differences(window, others):
-    """How many motions a window lacks by others, and how many it has more, at most."""
-    missing = [_sharing(window, other) for other in others]
-    spare = [_sharing(other, window) for other in others]
-    return max(missing, default=0), max(spare, default=0)
+def _contradictions(found):
+    """The windows that have too few motions, or too many, by those beside them."""
+    for k, own in enumerate(found):
+        near = [found[j] for j in (k - 1, k + 1) if 0 <= j < len(found)]
+        beside = [other for other in near if other.is_sure]
+        lacking, spare = _differences(own, beside)
+        if lacking or spare:
+            yield Contradiction(k, own.n_motions + lacking - spare, beside)
 
 
-def _sharing(window, other):
-    """How many motions of another window share one of a window, but for one of each."""
-    shared = _shared_tracks(window, other)
+def _differences(own, beside):
+    """How many motions a window lacks, and how many it has too many.
+
+    It lacks one if two of a window beside it, which is sure of them, are one in it: for
+    so long they may move alike. It has one too many if two are one in both windows
+    beside it, and it is not sure itself; one of these may see a car that has parked.
+    """
+    lacking = max((_n_merged(other, own) for other in beside), default=0)
+    if own.is_sure or len(beside) < 2:
+        return lacking, 0
+    return lacking, min(_n_merged(own, other) for other in beside)
+
+
+def _n_merged(window, other):
+    """By how many motions of a window another has fewer: those that share one there."""
+    shared = _shared_tracks(other, window)
     held = shared >= np.maximum(CONTAINED * shared.sum(axis=0), SHARED_TRACKS)
     return int(np.maximum(held.sum(axis=1) - 1, 0).sum())
 
 
-def _shared_tracks(window, other):
-    """Tracks that each two motions of two windows have in common, (M, N).
+def _n_alike(own, beside):
+    """Tracks that a window shares with others, and that go together in it as there."""
+    tables = [_shared_tracks(own, other) for other in beside]
+    return sum(t[linear_sum_assignment(t, maximize=True)].sum() for t in tables)
 
-    Windows are tracks and their labels, those of no motion -1.
-    """
-    (tracks, labels), (others, their) = window, other
-    _, rows, columns = np.intersect1d(tracks, others, return_indices=True)
-    rows, columns = labels[rows], their[columns]
+
+def _shared_tracks(window, other):
+    """Tracks that each two motions of two windows have in common, (M, N)."""
+    _, rows, columns = np.intersect1d(window.tracks, other.tracks, return_indices=True)
+    rows, columns = window.labels[rows], other.labels[columns]
     known = (rows >= 0) & (columns >= 0)
-    shared = np.zeros((labels.max(initial=-1) + 1, their.max(initial=-1) + 1), int)
+    shared = np.zeros((window.n_motions, other.n_motions), dtype=int)
     np.add.at(shared, (rows[known], columns[known]), 1)
     return shared
