@@ -248,8 +248,9 @@ estimator, default="description_length"
     window_counts_ : ndarray of int, shape (n_windows,)
         Number of motions found in each window. Others may be out of view.
     window_confidences_ : ndarray of shape (n_windows,)
-        Probability that each window has no fewer motions than were found in it; NaN
-        where it has too few tracks to look for any.
+        Probability that each window has no fewer motions than were found in it; of one
+        that was segmented again, as it contradicts those beside it, theirs. NaN where
+        it has too few tracks to look for any, and 1 where no probability is computed.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
         track is seen.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from numbers import Integral
 from typing import NamedTuple
 
@@ -144,60 +143,60 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     ValueError
         If no frame pair of a window can be as far apart as hypotheses need.
     """
-    parts = clip.parts
-    _check_frame_gap(segmenter.frame_gap, parts)
-    seeds = rng.randint(2**31 - 1, size=len(parts))
-    most = None if segmenter.n_motions == "auto" else segmenter.n_motions
-    estimator = _for_windows(segmenter, most)
-    segmented = partial(_segmented, clip, as_memory(segmenter.memory), segmenter.n_jobs)
+    _check_frame_gap(segmenter.frame_gap, clip.parts)
+    fits = _WindowFits(clip, segmenter, rng, report)
+    found = fits.of(range(len(clip.parts)))
+    return _joined(clip, agreeing(found, fits.of, *fits.limits), fits.most)
 
-    def again(places, numbers, attempt):
-        estimators = [
-            clone(estimator).set_params(
-                n_motions=n, random_state=int(seeds[k]) + attempt
-            )
-            for k, n in zip(places, numbers, strict=True)
+
+class _WindowFits:
+    """Fits of the windows of a clip, each with a seed of its own."""
+
+    def __init__(self, clip, segmenter, rng, report):
+        self.clip, self.report, self.n_done = clip, report, 0
+        self.n_jobs, self.memory = segmenter.n_jobs, as_memory(segmenter.memory)
+        self.seeds = rng.randint(2**31 - 1, size=len(clip.parts))
+        self.most = None if segmenter.n_motions == "auto" else segmenter.n_motions
+        self.estimator = _for_windows(segmenter, self.most)
+        self.limits = self.estimator.min_motions, self.estimator.max_motions
+
+    def of(self, places, numbers=None, attempt=0):
+        """The motions of some windows, their number open unless it is given."""
+        numbers = ["auto"] * len(places) if numbers is None else numbers
+        tasks = map(self._task, places, numbers, [attempt] * len(places))
+        n_before, n_all = self.n_done, self.n_done + len(places)
+        report = self.report and (lambda done: self.report(n_before + done, n_all))
+        found = run_tasks(tasks, n_jobs=self.n_jobs, done=report)
+        self.n_done = n_all
+        return [
+            WindowMotions(self.clip.parts[k].tracks, *each)
+            for k, each in zip(places, found, strict=True)
         ]
-        return [each.labels for each in segmented(places, estimators)]
 
-    estimators = (clone(estimator).set_params(random_state=int(s)) for s in seeds)
-    progress = report and (lambda done: report(done, len(parts)))
-    found = segmented(range(len(parts)), estimators, progress)
-    found = agreeing(found, again, estimator.min_motions, estimator.max_motions)
+    def _task(self, place, number, attempt):
+        part, seed = self.clip.parts[place], int(self.seeds[place]) + attempt
+        estimator = clone(self.estimator)
+        return Task(
+            f"segmenting frames {part.start} to {part.stop - 1}",
+            _recall,
+            self.memory,
+            estimator.set_params(n_motions=number, random_state=seed),
+            pack_tracks(*self.clip.window(part)),
+        )
+
+
+def _joined(clip, found, most):
     joiner = Joiner(clip.n_tracks, most, clip.extent)
     counts = np.array([each.n_motions for each in found])
     surely = np.array([each.surely for each in found])
     # What no probability is computed of is relied on.
     surely[np.isnan(surely) & (counts > 0)] = 1.0
-    for part, each, sure in zip(parts, found, surely, strict=True):
+    for part, each, sure in zip(clip.parts, found, surely, strict=True):
         points, seen = clip.window(part)
         joiner.add(part, points, seen, each.labels, sure)
     labels, shares = joiner.labels()
-    frames = np.array([[part.start, part.stop - 1] for part in parts])
+    frames = np.array([[part.start, part.stop - 1] for part in clip.parts])
     return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
-
-
-def _segmented(clip, memory, n_jobs, places, estimators, done=None):
-    """The motions of some windows of a clip, each by its estimator."""
-    parts = [clip.parts[k] for k in places]
-    found = run_tasks(
-        (
-            Task(
-                f"segmenting frames {part.start} to {part.stop - 1}",
-                _recall,
-                memory,
-                estimator,
-                pack_tracks(*clip.window(part)),
-            )
-            for part, estimator in zip(parts, estimators, strict=True)
-        ),
-        n_jobs=n_jobs,
-        done=done,
-    )
-    return [
-        WindowMotions(part.tracks, *each)
-        for part, each in zip(parts, found, strict=True)
-    ]
 
 
 def _check_frame_gap(frame_gap, parts):

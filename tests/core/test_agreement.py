@@ -23,7 +23,7 @@ def agreed(labels, surely, *again, tracks=None, fewest=1, most=10):
 
     def recorded(places, numbers, attempt):
         asked.append(dict(zip(places, numbers, strict=True)))
-        return [again[attempt]] * len(places)
+        return [WindowMotions(tracks[k], again[attempt], np.nan) for k in places]
 
     changed = agreeing(found, recorded, fewest, most)
     for own, before in zip(changed, found, strict=True):

@@ -7,10 +7,11 @@ import json
 import numpy as np
 import pytest
 from helpers.films import film
+from joblib import parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.exceptions import NotFittedError
 
-from skmotionseg import MotionSegmenter, pack_tracks
+from skmotionseg import MotionSegmenter, NCREModelSelector, pack_tracks
 from skmotionseg._segmenter import long_clips
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -80,6 +81,51 @@ def test_of_a_long_clip_only_known_tracks_are_placed(X, fitted):
     tracks, _ = X
     with pytest.raises(ValueError, match="1 of 10 were not"):
         fitted.predict(np.concatenate([tracks[:9], tracks[:1] + 1]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_window_that_takes_two_things_for_one_is_segmented_again(
+    X, fitted, monkeypatch, n_jobs
+):
+    tracks, _ = X
+    segment, asked = long_clips._segment, []
+
+    def mistaken(estimator, X, version):
+        """The open number of a window that sees the frames of the third is one."""
+        labels, surely = segment(estimator, X, version)
+        if np.array_equal(X, third, equal_nan=True):
+            asked.append((estimator.n_motions, estimator.max_motions))
+            if estimator.n_motions == "auto":
+                return np.minimum(labels, 0), 1.0
+        return labels, surely
+
+    clip = long_clips.LongClip(tracks, 2)
+    third = pack_tracks(*clip.window(clip.parts[2]))
+    monkeypatch.setattr(long_clips, "_segment", mistaken)
+    segmenter = MotionSegmenter(2, n_hypotheses=100, random_state=0, n_jobs=n_jobs)
+    with parallel_config(backend="threading"):
+        segmenter.fit(tracks)
+    assert asked == [("auto", 2), (2, 2)]
+    assert_array_equal(segmenter.window_counts_, 2)
+    beside = fitted.window_confidences_[[1, 3]]
+    assert segmenter.window_confidences_[2] == beside.min()
+    assert (segmenter.labels_ == fitted.labels_).mean() > 0.99
+
+
+@pytest.mark.slow
+def test_selectors_of_their_own_are_not_overruled(X, monkeypatch):
+    """They say nothing of how probable a number is, and may allow no other."""
+    selection = NCREModelSelector(min_clusters=1, max_clusters=2)
+    segmenter = MotionSegmenter(selection=selection, n_hypotheses=50, random_state=0)
+    asked, of = [], long_clips._WindowFits.of
+    monkeypatch.setattr(
+        long_clips._WindowFits, "of", lambda *a: asked.append(a[1:]) or of(*a)
+    )
+    segmenter.fit(X[0])
+    assert asked == [(range(5),)]
+    assert segmenter.window_counts_.max() <= 2
+    assert_array_equal(segmenter.window_confidences_, 1)
 
 
 @pytest.mark.slow

@@ -75,8 +75,8 @@ def agreeing(found, again, fewest, most):
     found : list of WindowMotions
         In order.
     again : callable
-        ``(places, numbers, attempt) -> list of labels``: of windows, each with a number
-        of motions. Attempts are 0, 1, ...
+        ``(places, numbers, attempt) -> list of WindowMotions``: of some windows, each
+        with a number of motions. Attempts are 0, 1, ...
     fewest, most : int
         Motions that a window may have.
 
@@ -91,13 +91,12 @@ def agreeing(found, again, fewest, most):
         if not left:
             break
         places, numbers, _ = zip(*left, strict=True)
-        for wrong, labels in zip(left, again(places, numbers, attempt), strict=True):
+        for wrong, new in zip(left, again(places, numbers, attempt), strict=True):
             k, beside = wrong.place, wrong.beside
-            surely = min(other.surely for other in beside)
-            new = WindowMotions(found[k].tracks, labels, surely)
             enough = _n_alike(found[k], beside) + SHARED_TRACKS
             if _n_alike(new, beside) >= max(enough, _n_alike(changed[k], beside) + 1):
-                changed[k] = new
+                surely = min(other.surely for other in beside)
+                changed[k] = new._replace(surely=surely)
         left = [
             wrong
             for wrong in left
