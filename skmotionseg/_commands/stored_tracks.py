@@ -12,6 +12,7 @@ from .._core.geometry.tracks import covered, pack_tracks
 from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
 from .._segmenter.long_clips import extent_of
 from .._utils.writing import replacing
+from ..video._looks import SLIDING, without_sliding
 from ..video._tracking import PointTracker, TrackerState
 
 # Frames of a file: what is lost at most.
@@ -70,7 +71,8 @@ class StoredTracks:
 
         Parameters
         ----------
-        tracked : list of (ids, points)
+        tracked : list of (ids, points, slid)
+            As :func:`~skmotionseg.video._looks.without_sliding` takes them.
         state : TrackerState
             After the last of them.
         size : tuple of (int, int)
@@ -79,9 +81,11 @@ class StoredTracks:
         with replacing(self._path(self.n_frames)) as file:
             np.savez(
                 file,
-                counts=[len(ids) for ids, _ in tracked],
-                ids=np.concatenate([ids for ids, _ in tracked]).astype(np.int32),
-                points=np.concatenate([points for _, points in tracked], dtype="f4"),
+                counts=[len(ids) for ids, _, _ in tracked],
+                ids=np.concatenate([ids for ids, _, _ in tracked]).astype(np.int32),
+                points=np.concatenate([points for _, points, _ in tracked], dtype="f4"),
+                slid_counts=[len(slid) for _, _, slid in tracked],
+                slid=np.concatenate([slid for _, _, slid in tracked]).astype(np.int32),
                 size=size,
                 last_points=state.points,
                 last_ids=state.ids,
@@ -116,10 +120,19 @@ class StoredTracks:
     def frames(self, start=0, stop=None):
         """Yield ids, int32, and points (n, 2), float32, of some frames."""
         stop = self.n_frames if stop is None else stop
+        tracked = self._tracked(start, min(stop + SLIDING, self.n_frames))
+        yield from islice(without_sliding(tracked), stop - start)
+
+    def _tracked(self, start, stop):
+        """Yield ids, points, and the ids of what has slid, of some frames."""
         for first in range(start - start % BLOCK, stop, BLOCK):
             block = _read(self._path(first))
-            ends = np.cumsum(block["counts"])[:-1]
-            parts = [np.split(block[name], ends) for name in ("ids", "points")]
+            counts = dict.fromkeys(("ids", "points"), block["counts"])
+            counts["slid"] = block["slid_counts"]
+            parts = [
+                np.split(block[name], np.cumsum(each)[:-1])
+                for name, each in counts.items()
+            ]
             wanted = slice(max(start - first, 0), stop - first)
             yield from islice(zip(*parts, strict=True), wanted.start, wanted.stop)
 
@@ -165,7 +178,7 @@ def track_into(stored, frames, options, max_frames, report):
     for frame in iterator:
         each = tracker.step(frame)
         size = frame.shape[1], frame.shape[0]
-        tracked.append((each.ids, each.points))
+        tracked.append((each.ids, each.points, tracker.slid))
         if len(tracked) == BLOCK:
             stored.append(tracked, tracker.state, size)
             tracked = []

@@ -22,7 +22,7 @@ from ._grid import (
     seed_points,
     stands_out,
 )
-from ._looks import WINDOW, Looks
+from ._looks import WINDOW, Looks, without_sliding
 
 # Where flow changes by more, in pixels per pixel, one thing covers another, and tracks
 # of the covered one would go on with the other. Sundaram et al. let the limit grow with
@@ -116,9 +116,9 @@ def track_video(
     quarter to their number. A track follows the optical flow (DIS, then
     Lucas-Kanade to a few hundredths of a pixel) for as long as the flow leads back to
     where it came from, away from edges of moving things, and inside the picture. It
-    ends, too, where it has left points that were around it 8 to 16 frames before, and
-    what is around it no longer looks as it did: a thing that passes slowly takes points
-    of what is behind along.
+    ends, too, where it has left points that were around it four to eight frames before,
+    and what is around it no longer looks as it did: the outline of a thing takes points
+    of what is behind along. Its last eight frames are then left out.
 
     Frames are read one at a time and no more than three are held; memory grows with
     the tracks alone.
@@ -200,11 +200,18 @@ def track_video(
     frames = open_frames(source)
     report = make_reporter(progress, _least(frames.n_announced, max_frames))
     log, height, width = TrackLog(), 0, 0
-    options = grid_spacing, max_error, min_texture, max_side
-    for each in _followed(islice(frames, max_frames), *options):
-        height, width = each.frame.shape[:2]
-        log.record(each.ids, each.points)
-        report(log.n_frames)
+    tracker = PointTracker(grid_spacing, max_error, min_texture, max_side)
+
+    def tracked():
+        nonlocal height, width
+        for number, frame in enumerate(islice(frames, max_frames), 1):
+            height, width = frame.shape[:2]
+            each = tracker.step(frame)
+            yield each.ids, each.points, tracker.slid
+            report(number)
+
+    for ids, points in without_sliding(tracked()):
+        log.record(ids, points)
     if log.n_frames < 2:
         raise ValueError(
             f"tracks need two frames or more; {frames.name} has {log.n_frames}"
@@ -224,7 +231,8 @@ def follow_points(
 ) -> Iterator[TrackedFrame]:
     """Track points through a video, and hand over each frame as it comes.
 
-    The tracks are those of :func:`track_video`. Nothing is kept but the points of the
+    The tracks are those of :func:`track_video`, but for the frames that it leaves out
+    where it sees later that a track had slid. Nothing is kept but the points of the
     last frame, so a source may go on for as long as it likes.
 
     Parameters
@@ -256,11 +264,6 @@ def follow_points(
     """
     _check_parameters(grid_spacing, max_error, 1, min_texture, max_frames, max_side)
     frames = islice(open_frames(source, cameras=True), max_frames)
-    return _followed(frames, grid_spacing, max_error, min_texture, max_side)
-
-
-def _followed(frames, grid_spacing, max_error, min_texture, max_side):
-    """Frames with their points, in pixels of the video, and the points' ids."""
     tracker = PointTracker(grid_spacing, max_error, min_texture, max_side)
     return map(tracker.step, frames)
 
@@ -305,6 +308,11 @@ class PointTracker:
         To go on from.
     last : ndarray of shape (height, width, 3), uint8, optional
         The frame after which that was the state.
+
+    Attributes
+    ----------
+    slid : ndarray of int
+        Ids of the tracks that have ended in the last frame because they had slid.
     """
 
     def __init__(
@@ -318,6 +326,7 @@ class PointTracker:
         self._looks = Looks(state.patches, state.places, state.n_frames)
         self._flow, self._max_side = _PointFlow(max_error), max_side
         self._previous = None if last is None else _shrunk_grey(last, max_side)[0]
+        self.slid = np.empty(0, dtype=int)
 
     @property
     def state(self):
@@ -339,6 +348,7 @@ class PointTracker:
         if self._previous is not None:
             points, followed = self._flow.follow(self._previous, picture, points)
             same = self._looks.follow(picture, points, followed)
+            self.slid = ids[followed][~same]
             points, ids = points[same], ids[followed][same]
         points, ids = self._sower.sow(picture, points, ids, self._flow.back)
         self._looks.begin(picture, points)

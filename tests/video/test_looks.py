@@ -14,11 +14,13 @@ from skmotionseg.video._looks import (
     N_AROUND,
     NOISE_OF_GREY,
     RENEWED,
+    SLIDING,
     WINDOW,
     Looks,
     alike,
     moved_apart,
     patches_around,
+    without_sliding,
 )
 
 pytest.importorskip("cv2", reason="needs opencv-python-headless")
@@ -65,6 +67,21 @@ def test_light_and_noise_do_not_count(picture):
     plain = np.full_like(patches, 128)
     noisy = np.uint8(128 + rng.normal(0, NOISE_OF_GREY / 2, plain.shape))
     assert alike(plain, noisy).all()
+
+
+def test_what_is_near_a_point_counts_most(picture):
+    """By an outline, what belongs to a point is nearer than what does not."""
+    rng = np.random.default_rng(3)
+    patches, others = (
+        patches_around(picture, rng.uniform([8, 8], [70, 50], (200, 2)))
+        for _ in range(2)
+    )
+    rows = np.arange(WINDOW**2) // WINDOW
+    far, near = patches.copy(), patches.copy()
+    far[:, rows < 2] = others[:, rows < 2]
+    near[:, (rows >= 4) & (rows < 7)] = others[:, (rows >= 4) & (rows < 7)]
+    assert alike(patches, far).mean() > 0.8
+    assert alike(patches, near).mean() < 0.2
 
 
 def test_what_fills_half_of_the_window_counts(picture):
@@ -170,6 +187,27 @@ def test_what_grows_does_not_move_apart(growth):
     assert apart.mean() < 0.05
     alone = growth * places + [[10.0, 0.0]] * (np.arange(400) == inside[0])[:, None]
     assert moved_apart(places, alone, inside[:1]).all()
+
+
+def test_frames_come_late_and_without_what_was_sliding():
+    n_frames, ids = 3 * SLIDING, np.array([3, 7])
+    slid = {SLIDING + 2: [7], n_frames - 1: [3]}
+    asked = []
+
+    def tracked():
+        for frame in range(n_frames):
+            asked.append(frame)
+            here = ids if frame < SLIDING + 2 else ids[:1]
+            yield here, here[:, None] + [0.0, frame], np.array(slid.get(frame, []))
+
+    for frame, (here, points) in enumerate(without_sliding(tracked())):
+        assert len(asked) == min(frame + SLIDING + 1, n_frames)
+        expected = [3] if frame < n_frames - 1 - SLIDING else []
+        expected = [*expected, 7] if frame < 2 else expected
+        # The frame in which it is seen has it no longer.
+        assert here.tolist() == (expected if frame < n_frames - 1 else [3])
+        np.testing.assert_array_equal(points, here[:, None] + [0.0, frame])
+    assert frame == n_frames - 1
 
 
 def passing(n_frames=30):

@@ -21,7 +21,7 @@ from skmotionseg.preprocessing import (
     select_inliers,
     select_long_tracks,
 )
-from skmotionseg.video import render_segmentation, track_video
+from skmotionseg.video import follow_points, render_segmentation, track_video
 from skmotionseg.video._grid import (
     CLEARANCE,
     TrackLog,
@@ -142,12 +142,27 @@ def test_tracks_have_one_unbroken_life(crossed):
 
 def test_tracks_end_where_they_are_covered(crossed):
     """Those of the background before the square; those behind it start anew."""
-    points, seen = unpack_tracks(track_video(crossed, min_length=2).tracks)
-    truth = points[:, 0] + PAN * (N_FRAMES - 1)
-    ahead = seen[:, 0] & ~on_square(points[:, 0], 0, margin=10)
+    first, *_, last = follow_points(crossed)
+    truth = first.points + PAN * (N_FRAMES - 1)
+    ahead = ~on_square(first.points, 0, margin=10)
     covered = ahead & on_square(truth, N_FRAMES - 1, margin=-8)
     assert covered.sum() >= 8
-    assert seen[covered, -1].mean() < 0.3
+    assert np.isin(first.ids[covered], last.ids).mean() < 0.3
+
+
+def test_outlines_take_few_tracks_along(panned):
+    """What goes along between a thing and the scene would be one more motion."""
+    square, frames, step = texture(1)[:60, :60].clip(0, 255), [], PAN + (1.5, 0.5)
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    for f, background in enumerate(panned):
+        left, top = SQUARE_START + f * step
+        own = map_coordinates(square, [y - top, x - left], order=3, cval=np.nan)
+        frames.append(np.uint8(np.where(np.isnan(own), background, own).clip(0, 255)))
+    points, _ = unpack_tracks(track_video(frames).tracks)
+    steps = np.nanmedian(np.diff(points, axis=1), axis=1)
+    apart = np.min([np.hypot(*(steps - each).T) for each in (PAN, step)], axis=0)
+    assert len(points) > 600
+    assert (apart > 0.15).mean() < 0.05
 
 
 def test_empty_places_get_new_tracks(crossed):
@@ -232,7 +247,7 @@ def test_a_stricter_check_leaves_fewer_tracks(crossed):
         for frame in crossed
     ]
     kept = [
-        np.isfinite(track_video(frames, max_error=error, min_length=1).tracks).sum()
+        len(track_video(frames, max_error=error, min_length=N_FRAMES).tracks)
         for error in (0.1, 1.0)
     ]
     assert kept[0] < kept[1]
@@ -768,16 +783,20 @@ def test_what_stands_out_of_a_field():
 
 
 def test_small_things_that_move_get_more_tracks(panned):
-    """Twice as many as there are cells on them, and the scene does not."""
+    """Half again as many as there are cells on them, and the scene does not."""
     frames = []
     for f, background in enumerate(panned):
         frame = background.copy()
         frame[50:74, 40 + 3 * f : 64 + 3 * f] = texture(1)[:24, :24].clip(0, 255)
         frames.append(frame)
     points, seen = unpack_tracks(track_video(frames, grid_spacing=8).tracks)
-    x, y = points[seen[:, 6], 6].T
+    points = points[seen[:, 6]]
+    x, y = points[:, 6].T
     on = (np.abs(x - 69.5) < 12) & (np.abs(y - 61.5) < 12)
-    assert on.sum() > 2 * (24 / 8) ** 2
+    steps = np.nanmedian(np.diff(points[on], axis=1), axis=1)
+    of_it = (np.abs(steps - [3.0, 0.0]) < 0.25).all(axis=1)
+    assert of_it.sum() > 1.5 * (24 / 8) ** 2
+    assert (~of_it).sum() < 0.2 * of_it.sum()  # not with its outline over the scene
     assert (~on).sum() < 1.3 * (WIDTH / 8) * (HEIGHT / 8)
 
 
