@@ -152,7 +152,11 @@ def test_tracks_end_where_they_are_covered(crossed):
 
 def test_outlines_take_few_tracks_along(panned):
     """What goes along between a thing and the scene would be one more motion."""
-    square, frames, step = texture(1)[:60, :60].clip(0, 255), [], PAN + (1.5, 0.5)
+    square, frames, step = (
+        texture(1)[:60, :60].clip(0, 255),
+        [],
+        PAN + np.array([1.5, 0.5]),
+    )
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     for f, background in enumerate(panned):
         left, top = SQUARE_START + f * step
