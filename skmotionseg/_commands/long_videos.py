@@ -10,7 +10,7 @@ from .._segmenter.long_clips import segment_in_windows
 from .console import facts_table, reporting
 from .label_files import write_labels_by_frame
 from .long_objects import find_objects_in_blocks
-from .mask_files import make_folders, wants_masks, write_mask
+from .mask_files import make_folders, wants_masks, warn_of_others, write_mask
 
 # Folder of what windows have given, within that of a run.
 WINDOWS = "windows"
@@ -72,4 +72,5 @@ def _write_masks(arguments, frames, clip, labels, console):
         masks = paint_masks(frames, n_frames, tracked, objects, progress=progress)
         for number, mask in enumerate(masks):
             write_mask(arguments, frames.name_of(number), mask)
+    warn_of_others(arguments, map(frames.name_of, range(n_frames)))
     return objects

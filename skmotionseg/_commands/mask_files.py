@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 import zlib
 from pathlib import Path
 
@@ -101,6 +102,7 @@ def write_masks(arguments, frames, sequence, objects, console):
             write_mask(arguments, frames.name_of(number), mask)
             if drawn:
                 kept.append(zlib.compress(mask.tobytes(), 1))
+    warn_of_others(arguments, map(frames.name_of, range(number + 1)))
     shape = mask.shape
     return lambda: (
         np.frombuffer(zlib.decompress(each), np.uint8).reshape(shape) for each in kept
@@ -131,6 +133,24 @@ def write_mask(arguments, name, mask):
     if arguments.static_masks is not None:
         with replacing(arguments.static_masks / f"{name}.png") as file:
             file.write(encode_grey(np.where(mask == 0, 255, 0).astype(np.uint8)))
+
+
+def warn_of_others(arguments, names):
+    """Say if a folder of masks holds pictures that are not those of such frames."""
+    names = list(names)
+    written = {
+        arguments.masks: set(map(_mask_name, names)),
+        arguments.static_masks: {f"{name}.png" for name in names},
+    }
+    for folder, own in written.items():
+        there = [] if folder is None else folder.glob("*.png")
+        others = sorted({path.name for path in there} - own)
+        if others:
+            warnings.warn(
+                f"{folder} holds {len(others)} more pictures than were written now, "
+                f"such as {others[0]}",
+                stacklevel=2,
+            )
 
 
 def _write_prompts(path, frames, sequence, objects):

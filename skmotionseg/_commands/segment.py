@@ -198,10 +198,10 @@ def _segment_tracks(run, sequence):
         segmenter.fit(sequence.data)
     sequence.seconds |= segmenter.stage_seconds_
     sequence.seconds["segmenting"] = sequence.seconds.pop("total")
-    draw(arguments, sequence, segmenter, progress)
     if arguments.out is not None:
         sure = segmenter.probabilities_ if arguments.confidence else None
         write_labels(arguments.out, sequence, segmenter.labels_, sure)
+    draw(arguments, sequence, segmenter, progress)
     sequence.seconds["total"] = time.perf_counter() - started
     print_findings(console, arguments, sequence, segmenter)
     if arguments.split_dir is not None:

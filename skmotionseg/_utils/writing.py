@@ -22,8 +22,8 @@ def check_output(path, endings=None):
     ------
     ValueError
         If it has another ending, or something is there that is no file.
-    FileNotFoundError
-        If its folder does not exist.
+    FileNotFoundError, PermissionError
+        If its folder does not exist, or may not be written to.
     """
     if path is None:
         return
@@ -58,9 +58,19 @@ def check_apart(source, outputs):
 
 
 def check_folder_of(path):
-    """Refuse a path whose folder does not exist; None will do."""
-    if path is not None and not path.absolute().parent.is_dir():
+    """Refuse a path whose folder does not exist, or is closed; None will do."""
+    if path is None:
+        return
+    folder = path.absolute().parent
+    if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder to write {path} to")
+    check_open(path if path.is_dir() else folder)
+
+
+def check_open(folder):
+    """Refuse a folder that nothing may be written to."""
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(f"{folder} may not be written to (permission denied)")
 
 
 @contextmanager

@@ -197,7 +197,7 @@ def alike(first, second):
     """
     steps = np.arange(WINDOW) - WINDOW // 2
     weights = np.exp(-np.add.outer(steps**2, steps**2) / (2 * NEARNESS**2)).ravel()
-    weights = np.float32(weights / weights.sum())
+    weights = (weights / weights.sum()).astype(np.float32)
     first, second = first.astype(np.float32), second.astype(np.float32)
     by_noise = np.square(first - second) @ weights < NOISE_OF_GREY**2
     first -= (first @ weights)[:, None]

@@ -8,7 +8,8 @@ from numbers import Real
 import numpy as np
 import numpy.typing as npt
 
-from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
+from .._core.geometry.tracks import shots, tracks_by_frame, unpack_tracks
+from .._core.labels import canonical_labels
 from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects, ranked
 from .._utils.validation import check_label_each
@@ -36,7 +37,8 @@ def find_objects(
     and over time go together against the scene, are one thing, as the limbs of a body
     are. So is what goes behind something and, within twelve frames, comes out where it
     is expected. What is out of view for longer is known again by its texture and its
-    colours, if there is the video.
+    colours, if there is the video. Each shot has a scene of its own: where fewer than a
+    quarter of the tracks go on, the video has been cut.
 
     Clips of two frames, and those of which no rigid motion can be told, are judged by
     the labels alone: the scene is the label that frames the image, and the other labels
@@ -91,13 +93,39 @@ def find_objects(
     for name, side in (("width", width), ("height", height)):
         check_number(name, side, Real, 1)
     size = width, height
-    background = background_motion(points, visibility, labels, size)
-    parts = moving_parts(points, visibility, labels, background, size)
-    if parts is not None:
-        labels, background = parts + 1, 0
-    objects = moving_objects(points, visibility, labels, background)
+    objects = _by_shot(points, visibility, labels, size)
     if source is None:
         return objects
     seen = partial(tracks_by_frame, points, visibility)
     objects = known_again(source, seen, objects, size, progress)
     return ranked(objects, visibility)
+
+
+def _by_shot(points, visibility, labels, size):
+    """Things of each shot: across a cut, no motion goes on, nor does the scene.
+
+    A track that goes on by chance is of the shot that sees most of it.
+    """
+    ends = shots(visibility)
+    if len(ends) == 1:
+        return _things(points, visibility, labels, size)
+    times = np.stack([visibility[:, slice(*each)].sum(axis=1) for each in ends])
+    objects = np.full(len(points), -1)
+    for number, each in enumerate(ends):
+        rows = np.flatnonzero((times.argmax(axis=0) == number) & (times[number] > 0))
+        here = np.ix_(rows, np.arange(*each))
+        own = canonical_labels(labels[rows])
+        found = np.minimum(own, 0)  # one frame shows no motion
+        if each[1] - each[0] > 1:
+            found = _things(points[here], visibility[here], own, size)
+        objects[rows] = found + (found > 0) * max(objects.max(), 0)
+    return ranked(objects, visibility)
+
+
+def _things(points, visibility, labels, size):
+    """What moves in a shot: as of :func:`find_objects`."""
+    background = background_motion(points, visibility, labels, size)
+    parts = moving_parts(points, visibility, labels, background, size)
+    if parts is not None:
+        labels, background = parts + 1, 0
+    return moving_objects(points, visibility, labels, background)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._core.geometry.tracks import pack_tracks
+from .._core.geometry.tracks import FEWEST_GO_ON, pack_tracks
 from .._utils.optional import require
 from ._checks import check_number, make_reporter
 from ._frames import SMALLEST_SIDE, Progress, Source, open_frames
@@ -118,7 +118,8 @@ def track_video(
     where it came from, away from edges of moving things, and inside the picture. It
     ends, too, where it has left points that were around it four to eight frames before,
     and what is around it no longer looks as it did: the outline of a thing takes points
-    of what is behind along. Its last eight frames are then left out.
+    of what is behind along. Its last eight frames are then left out. If fewer than a
+    quarter of the tracks can go on, the picture has been cut, and all end.
 
     Frames are read one at a time and no more than three are held; memory grows with
     the tracks alone.
@@ -347,6 +348,8 @@ class PointTracker:
         points, ids = self._points, self._ids
         if self._previous is not None:
             points, followed = self._flow.follow(self._previous, picture, points)
+            if followed.sum() < FEWEST_GO_ON * len(ids):  # after a cut
+                points, followed = points[:0], np.zeros_like(followed)
             same = self._looks.follow(picture, points, followed)
             self.slid = ids[followed][~same]
             points, ids = points[same], ids[followed][same]

@@ -14,6 +14,7 @@ from skmotionseg._core.geometry.tracks import (
     covisible_pairs,
     frame_pairs,
     normalization,
+    shots,
     similarity,
     working_coordinates,
 )
@@ -441,3 +442,41 @@ def test_pairs_of_many_photographs_are_those_with_most_in_common(rng):
     least = sorted(common.values())[-24]
     assert all(pair in taken for pair, n in common.items() if n > least)
     assert all(common[pair] > 0 for pair in taken)
+
+
+# ----------------------------------------------------------------------------- shots
+
+
+def seen_in(*spans, n_frames=12):
+    """Tracks, so many from one frame to another each."""
+    rows = [
+        np.tile((np.arange(n_frames) >= start) & (np.arange(n_frames) < stop), (n, 1))
+        for n, start, stop in spans
+    ]
+    return np.concatenate(rows)
+
+
+@pytest.mark.parametrize(
+    ("spans", "ends"),
+    [
+        ([(10, 0, 12)], [(0, 12)]),
+        ([(10, 0, 5), (10, 5, 12)], [(0, 5), (5, 12)]),
+        ([(10, 0, 5), (10, 5, 8), (10, 8, 12)], [(0, 5), (5, 8), (8, 12)]),
+        ([(10, 0, 5), (10, 5, 12), (3, 2, 9)], [(0, 5), (5, 12)]),  # by chance
+        ([(10, 0, 5), (10, 5, 12), (4, 2, 9)], [(0, 12)]),
+        ([(10, 0, 12), (90, 5, 12)], [(0, 12)]),  # many that are new are no cut
+        ([(90, 0, 5), (10, 0, 12)], [(0, 12)]),
+        ([(10, 0, 5), (10, 7, 12)], [(0, 12)]),  # nothing is seen in between
+    ],
+)
+def test_shots_are_parted_where_few_tracks_go_on(spans, ends):
+    visibility = seen_in(*spans)
+    assert shots(visibility) == ends
+    assert shots(np.concatenate([visibility, np.zeros_like(visibility)])) == ends
+
+
+def test_gaps_are_no_cuts():
+    visibility = seen_in((10, 0, 12))
+    visibility[:, 1::2] = False
+    assert shots(visibility) == [(0, 12)]
+    assert shots(np.zeros((3, 4), dtype=bool)) == [(0, 4)]

@@ -492,12 +492,63 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     assert "application/json" in (tmp_path / "page.html").read_text()
 
 
+def test_scenes_before_and_after_a_cut_are_static():
+    """Few tracks go on by chance; what moves in either is a thing of its own."""
+    rng, n_frames, cut = np.random.default_rng(0), 24, 11
+    frames = np.arange(n_frames)
+    start, depth = rng.uniform(0, [640, 480], (900, 2)), rng.uniform(1, 2, 900)
+    first, by_chance = np.arange(900) < 450, np.arange(900) % 30 == 0
+    steps = np.where(first[:, None], [6.0, 1.0], [-2.0, -7.0]) / depth[:, None]
+    moving = (abs(start - [320, 240]) < 60).all(axis=1)
+    steps += moving[:, None] * np.where(first[:, None], [-9.0, 4.0], [8.0, 5.0])
+    points = start[:, None] + steps[:, None] * (frames % cut)[None, :, None]
+    points += rng.normal(scale=0.1, size=points.shape)
+    seen = (frames < cut) == first[:, None]
+    seen |= by_chance[:, None] & (abs(frames - cut) < 3)
+    X = pack_tracks(points, seen)
+    objects = find_objects(X, np.zeros(900, dtype=int), width=640, height=480)
+    sure = ~by_chance
+    assert (objects[sure & ~moving] == 0).mean() > 0.98
+    things = [objects[sure & moving & each] for each in (first, ~first)]
+    assert [np.unique(each).size for each in things] == [1, 1]
+    assert {int(each[0]) for each in things} == {1, 2}
+
+
+@pytest.mark.filterwarnings("default:.*more pictures than")
 def test_segment_takes_every_other_frame(folder, tmp_path, capsys):
     masks = tmp_path / "masks"
     options = ["--masks", masks, "--stride", 2, "--motions", 2, "--jobs", 1]
     assert main(["segment", str(folder), *map(str, options)]) == 0
     names = [f"im{number}.png" for number in range(0, N_FRAMES, 2)]
     assert sorted(path.name for path in masks.iterdir()) == names
+    assert "warning" not in capsys.readouterr().err
+    # Those of another run stay, which is said.
+    options[3] = 4
+    assert main(["segment", str(folder), *map(str, options)]) == 0
+    assert "more pictures than were written now, such as im2" in capsys.readouterr().err
+    assert sorted(path.name for path in masks.iterdir()) == names
+
+
+@pytest.mark.parametrize("option", ["--masks", "--out", "--viewer"])
+def test_segment_refuses_folders_that_are_closed(
+    folder, tmp_path, capsys, monkeypatch, option
+):
+    monkeypatch.setattr("skmotionseg._utils.writing.os.access", lambda *a: False)
+    path = tmp_path / {"--out": "l.csv", "--viewer": "v.html"}.get(option, "masks")
+    assert main(["segment", str(folder), option, str(path)]) == 2
+    assert f"{tmp_path} may not be written to" in capsys.readouterr().err
+
+
+def test_labels_are_there_if_pictures_fail(folder, tmp_path, capsys, monkeypatch):
+    def broken(*arguments):
+        raise OSError("no room")
+
+    monkeypatch.setattr("skmotionseg._commands.segment.draw", broken)
+    out = tmp_path / "labels.csv"
+    options = ["--out", out, "--render", tmp_path / "x.png", "--motions", 2]
+    assert main(["segment", str(folder), *map(str, options)]) == 2
+    assert "no room" in capsys.readouterr().err
+    assert out.exists()
 
 
 @pytest.mark.parametrize(

@@ -169,6 +169,14 @@ def test_outlines_take_few_tracks_along(panned):
     assert (apart > 0.15).mean() < 0.05
 
 
+def test_all_tracks_end_at_a_cut(panned):
+    other = [looked_at(texture(5), -f * PAN) for f in range(N_FRAMES)]
+    _, seen = unpack_tracks(track_video(panned + other).tracks)
+    before, after = seen[:, :N_FRAMES].any(axis=1), seen[:, N_FRAMES:].any(axis=1)
+    assert not (before & after).any()
+    assert min(before.sum(), after.sum()) > 300
+
+
 def test_empty_places_get_new_tracks(crossed):
     points, seen = unpack_tracks(track_video(crossed).tracks)
     origin = points[:, -1] - (N_FRAMES - 1) * PAN

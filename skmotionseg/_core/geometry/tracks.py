@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from numbers import Real
 from typing import Any
 
@@ -19,6 +20,8 @@ OUTERMOST = 0.02
 # Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
 # how many of those with most tracks in common.
 ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
+# Share of the tracks below which those that go on are chance: the picture is another.
+FEWEST_GO_ON = 0.25
 
 
 LAYOUTS = ("tracks_first", "frames_first")
@@ -411,6 +414,34 @@ def working_coordinates(points, visibility):
     scale = distance.mean() if len(distance) else 0.0
     coincide = scale <= ROUNDING * np.abs(filled).max(initial=0)
     return centres, 1.0 if coincide else float(scale)
+
+
+def shots(visibility):
+    """Frames between cuts: [(start, stop), ...].
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    list of (int, int)
+        A cut is where fewer than a quarter (``FEWEST_GO_ON``) of the tracks before it
+        go on after it, and of those after it are of before. In videos without cuts,
+        more than a half do, even where a camera is shaken.
+    """
+    n_frames = visibility.shape[1]
+    seen = np.flatnonzero(visibility.any(axis=1))
+    first = visibility[seen].argmax(axis=1)
+    last = n_frames - 1 - visibility[seen, ::-1].argmax(axis=1)
+    begun = np.cumsum(np.bincount(first, minlength=n_frames))[:-1]
+    ended = np.cumsum(np.bincount(last, minlength=n_frames))[:-1]
+    going_on = begun - ended  # from each frame to the next
+    before = begun - np.append(0, ended[:-1])
+    after = np.append(begun[1:], len(seen)) - ended
+    is_cut = going_on < FEWEST_GO_ON * np.minimum(before, after)
+    cuts = 1 + np.flatnonzero(is_cut)
+    return list(pairwise([0, *cuts.tolist(), n_frames]))
 
 
 def tracks_by_frame(points, visibility):
