@@ -143,6 +143,11 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
 
 def _score_sequences(scoring, estimator, X, y):
     """Mean of a score over the sequences."""
+    if any(np.ndim(labels) == 0 for labels in y):
+        raise ValueError(
+            "sequence_scorer takes a list of labels per sequence, for PerSequence; got "
+            "a number for one: to score a MotionSegmenter, pass the scoring itself"
+        )
     score = _score_by_name if isinstance(scoring, str) else _score_by_function
     pairs = (
         _judged(true, found)

@@ -497,7 +497,8 @@ def how_sure(report):
             if each.n_motions >= chosen.n_motions
         )
         tie += f": {chosen.n_motions} or more with {100 * reached:.0f} %"
-    return f"Number of motions: {likely}{tie and f' ({tie})'}; next, {less}."
+    other = "likelier alone:" if following.probability > chosen.probability else "next,"
+    return f"Number of motions: {likely}{tie and f' ({tie})'}; {other} {less}."
 
 
 def _halves(name):

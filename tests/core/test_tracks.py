@@ -424,6 +424,22 @@ def test_pairs_of_photographs_see_the_same_tracks():
     assert_array_equal(covisible_pairs(visibility, usual), [[0, 1], [0, 2], [1, 3]])
 
 
+def test_pairs_are_added_for_tracks_with_gaps():
+    usual = frame_pairs(6)
+    visibility = np.ones((40, 6), dtype=bool)
+    visibility[:4, 1::2] = False  # seen in frames 0, 2 and 4
+    visibility[4:6, [0, 2, 3, 4]] = False  # in frames 1 and 5
+    visibility[6, 1:] = False  # in one frame, which is no pair
+    pairs = covisible_pairs(visibility, usual)
+    assert_array_equal(pairs, [*usual.tolist(), [0, 2], [1, 5]])
+    # A pair that fewer than eight tracks share shows no motion.
+    few = np.concatenate([visibility[:4], np.tile(np.arange(6) % 2 == 1, (60, 1))])
+    assert covisible_pairs(few, np.array([[1, 3]])).tolist() == [[1, 3]]
+    four_more = np.concatenate([few, visibility[:4]])
+    found = covisible_pairs(four_more, np.array([[1, 3]])).tolist()
+    assert found == [[1, 3], [0, 2]]
+
+
 def test_pairs_of_many_photographs_are_those_with_most_in_common(rng):
     n_frames = 12
     visibility = rng.uniform(size=(400, n_frames)) < 0.15

@@ -206,6 +206,12 @@ def test_models_of_a_union_must_be_there(tracks):
 USE = r"use scoring=sequence_scorer\('adjusted_rand_score'\)"
 
 
+def test_a_sequence_scorer_is_not_for_one_matrix(sequences):
+    X, y = sequences[0][0], sequences[1][0]
+    with pytest.raises(ValueError, match="a list of labels per sequence, for PerSequ"):
+        sequence_scorer("adjusted_rand_score")(None, X, y)
+
+
 @pytest.mark.parametrize("error_score", [np.nan, "raise"])
 def test_scorers_of_scikit_learn_say_what_to_use(sequences, error_score):
     """No score is NaN: nothing is fitted, and an error says why."""

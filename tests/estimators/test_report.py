@@ -322,7 +322,7 @@ def test_a_near_tie_is_said_in_words(reported):
     last = str(tied.report(X)).splitlines()[-1]
     two = f"{tied.counts_[1]} with 20 %"
     assert f"{two} (a near tie: {tied.counts_[1]} or more with 55 %)" in last
-    assert last.endswith(f"; next, {few} with 45 %.")
+    assert last.endswith(f"; likelier alone: {few} with 45 %.")
 
 
 @pytest.mark.parametrize(

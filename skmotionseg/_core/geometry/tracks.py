@@ -20,6 +20,9 @@ OUTERMOST = 0.02
 # Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
 # how many of those with most tracks in common.
 ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
+# Pairs that are added at most for tracks that the usual ones do not see, and tracks
+# that must be seen in each: those of a fundamental matrix.
+MOST_MORE, FEWEST_IN_PAIR = 4, 8
 # Share of the tracks below which those that go on are chance: the picture is another.
 FEWEST_GO_ON = 0.25
 
@@ -291,7 +294,8 @@ def covisible_pairs(visibility, usual):
     The images of unordered photographs have no neighbours: what is seen in two of them
     may be seen in no two that follow one another. If the usual pairs see fewer than
     four fifths of the tracks that some pair sees, the pairs are those with most tracks
-    in common, each frame with at least one other.
+    in common, each frame with at least one other. If they see most, but not all, a few
+    pairs are added that see the others, such as tracks with a gap in every other frame.
 
     Parameters
     ----------
@@ -307,8 +311,10 @@ def covisible_pairs(visibility, usual):
     reached = np.zeros(len(joinable), dtype=bool)
     for first, second in usual:
         reached |= joinable[:, first] & joinable[:, second]
-    if len(joinable) == 0 or reached.mean() >= ENOUGH_REACHED:
+    if reached.all():
         return usual
+    if reached.mean() >= ENOUGH_REACHED:
+        return _with_more(usual, joinable, ~reached)
     common = joinable.T.astype(np.intp) @ joinable  # tracks that frames share
     pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
     order = np.argsort(-common[tuple(pairs.T)], kind="stable")[:MOST_COVISIBLE]
@@ -317,6 +323,21 @@ def covisible_pairs(visibility, usual):
     chosen = np.concatenate([pairs[order], np.sort(nearest, axis=1)])
     chosen = np.unique(chosen, axis=0)
     return chosen[common[tuple(chosen.T)] > 0]
+
+
+def _with_more(pairs, visibility, missed):
+    """Frame pairs, and those that see most of the tracks that were missed so far."""
+    n_seen = visibility.T.astype(np.intp) @ visibility
+    left = visibility[missed]
+    more: list[tuple] = []
+    while len(left) and len(more) < MOST_MORE:
+        n_left = np.where(n_seen >= FEWEST_IN_PAIR, left.T.astype(np.intp) @ left, 0)
+        first, second = np.unravel_index(np.triu(n_left, 1).argmax(), n_left.shape)
+        if n_left[first, second] == 0 or first == second:
+            break
+        more.append((first, second))
+        left = left[~(left[:, first] & left[:, second])]
+    return np.concatenate([pairs, more]).astype(int) if more else pairs
 
 
 def non_empty_frames(visibility, fewest):
