@@ -116,8 +116,7 @@ def track_to(folder, arguments, frames, console):
         )
     if stored.n_frames < 2:
         raise ValueError(
-            f"tracks need two frames or more; of {frames.name}, there were "
-            f"{stored.n_frames} to track"
+            f"tracks need two frames or more; {frames.name} has {stored.n_frames}"
         )
     clip = StoredClip(stored, shortest_track(stored.n_frames))
     _check_kept(arguments, clip.n_tracks, stored.n_frames)

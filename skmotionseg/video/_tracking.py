@@ -215,8 +215,7 @@ def track_video(
         log.record(ids, points)
     if log.n_frames < 2:
         raise ValueError(
-            f"tracks need two frames or more; of {frames.name}, there were "
-            f"{log.n_frames} to track"
+            f"tracks need two frames or more; {frames.name} has {log.n_frames}"
         )
     tracks = pack_tracks(log.assemble(min(min_length, log.n_frames)))
     return VideoTracks(tracks, log.n_frames, width, height, frames.fps)

@@ -34,12 +34,16 @@ def file(frames, tmp_path_factory):
 
 
 def test_points_are_those_of_the_whole_video(frames):
+    """But for those that are seen later to have slid."""
     points, seen = unpack_tracks(track_video(frames, min_length=1).tracks)
     for number, each in enumerate(follow_points(frames)):
-        assert_array_equal(np.flatnonzero(seen[:, number]), np.sort(each.ids))
-        assert_array_equal(each.points.astype(np.float32), points[each.ids, number])
+        live = set(map(tuple, each.points.astype(np.float32).tolist()))
+        whole = set(map(tuple, points[seen[:, number], number].tolist()))
+        assert whole <= live
+        assert len(whole) > 0.95 * len(live)
         assert each.frame.shape == (HEIGHT, WIDTH, 3)
     assert number == N_FRAMES - 1
+    assert whole == live  # of the last frame, all is there
 
 
 def test_points_are_handed_over_as_frames_come(frames):
