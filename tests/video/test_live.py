@@ -8,7 +8,6 @@ import signal
 import numpy as np
 import pytest
 from helpers.pictures import film_of_a_thing, write_video
-from numpy.testing import assert_array_equal
 
 from skmotionseg import unpack_tracks
 from skmotionseg._commands import live
