@@ -12,7 +12,7 @@ from helpers.pictures import write_video
 from helpers.progress_lines import without_progress
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from skmotionseg import unpack_tracks
+from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._utils.colours import COLOURS
 from skmotionseg.cli import main
 from skmotionseg.datasets import load_tracks
@@ -150,23 +150,35 @@ def test_tracks_end_where_they_are_covered(crossed):
     assert np.isin(first.ids[covered], last.ids).mean() < 0.3
 
 
-def test_outlines_take_few_tracks_along(panned):
-    """What goes along between a thing and the scene would be one more motion."""
-    square, frames, step = (
-        texture(1)[:60, :60].clip(0, 255),
-        [],
-        PAN + np.array([1.5, 0.5]),
-    )
+def passed(panned, step):
+    """A square that hardly moves faster than what it passes."""
+    square, frames = texture(1)[:60, :60].clip(0, 255), []
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     for f, background in enumerate(panned):
         left, top = SQUARE_START + f * step
         own = map_coordinates(square, [y - top, x - left], order=3, cval=np.nan)
         frames.append(np.uint8(np.where(np.isnan(own), background, own).clip(0, 255)))
-    points, _ = unpack_tracks(track_video(frames).tracks)
+    return frames
+
+
+@pytest.mark.parametrize("over", [[1.5, 0.5], [2.5, 0.5]])
+def test_outlines_take_few_tracks_along(panned, over):
+    ways = PAN, PAN + np.array(over)
+    points, _ = unpack_tracks(track_video(passed(panned, ways[1])).tracks)
     steps = np.nanmedian(np.diff(points, axis=1), axis=1)
-    apart = np.min([np.hypot(*(steps - each).T) for each in (PAN, step)], axis=0)
+    apart = np.min([np.hypot(*(steps - each).T) for each in ways], axis=0)
     assert len(points) > 600
     assert (apart > 0.15).mean() < 0.05
+
+
+@pytest.mark.slow
+def test_outlines_are_no_motion(panned):
+    """What goes along between a thing and the scene would be one more."""
+    tracks = track_video(passed(panned, PAN + np.array([2.5, 0.5]))).tracks
+    for seed in range(3):
+        segmenter = MotionSegmenter(random_state=seed).fit(tracks)
+        assert segmenter.n_motions_ == 2
+        assert segmenter.count_probabilities_[1] > 0.6
 
 
 def test_all_tracks_end_at_a_cut(panned):
