@@ -84,9 +84,8 @@ def test_of_a_long_clip_only_known_tracks_are_placed(X, fitted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_jobs", [None, 2])
 def test_window_that_takes_two_things_for_one_is_segmented_again(
-    X, fitted, monkeypatch, n_jobs
+    X, fitted, monkeypatch
 ):
     tracks, _ = X
     segment, asked = long_clips._segment, []
@@ -103,7 +102,7 @@ def test_window_that_takes_two_things_for_one_is_segmented_again(
     clip = long_clips.LongClip(tracks, 2)
     third = pack_tracks(*clip.window(clip.parts[2]))
     monkeypatch.setattr(long_clips, "_segment", mistaken)
-    segmenter = MotionSegmenter(2, n_hypotheses=100, random_state=0, n_jobs=n_jobs)
+    segmenter = MotionSegmenter(2, n_hypotheses=100, random_state=0, n_jobs=2)
     with parallel_config(backend="threading"):
         segmenter.fit(tracks)
     assert asked == [("auto", 2), (2, 2)]
