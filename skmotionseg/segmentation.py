@@ -517,7 +517,7 @@ estimator, default="description_length"
         )
 
     def _covisible_pairs(self, visibility):
-        """Frame pairs of unordered photographs; None where the usual ones do."""
+        """Frame pairs where the usual ones miss some tracks; None elsewhere."""
         usual = frame_pairs(visibility.shape[1], self.frame_gap)
         pairs = covisible_pairs(visibility, usual)
         return None if pairs is usual or self.frame_gap > 1 else pairs

@@ -127,28 +127,30 @@ def _mask_name(name):
 
 def write_mask(arguments, name, mask):
     """Write the mask of the frame of that name to the folders that are asked for."""
-    if arguments.masks is not None:
-        with replacing(arguments.masks / _mask_name(name)) as file:
+    labels, static = _paths_of(arguments, name)
+    if labels is not None:
+        with replacing(labels) as file:
             file.write(encode_labels(mask))
-    if arguments.static_masks is not None:
-        with replacing(arguments.static_masks / f"{name}.png") as file:
+    if static is not None:
+        with replacing(static) as file:
             file.write(encode_grey(np.where(mask == 0, 255, 0).astype(np.uint8)))
+
+
+def _paths_of(arguments, name):
+    """Where the labels of a frame and its static scene go; None if nowhere."""
+    masks, static = arguments.masks, arguments.static_masks
+    return masks and masks / _mask_name(name), static and static / f"{name}.png"
 
 
 def warn_of_others(arguments, names):
     """Say if a folder of masks holds pictures that are not those of such frames."""
-    names = list(names)
-    written = {
-        arguments.masks: set(map(_mask_name, names)),
-        arguments.static_masks: {f"{name}.png" for name in names},
-    }
-    for folder, own in written.items():
-        there = [] if folder is None else folder.glob("*.png")
-        others = sorted({path.name for path in there} - own)
+    written = {path for name in names for path in _paths_of(arguments, name)}
+    for folder in (arguments.masks, arguments.static_masks):
+        others = sorted(set(folder.glob("*.png")) - written) if folder else []
         if others:
             warnings.warn(
                 f"{folder} holds {len(others)} more pictures than were written now, "
-                f"such as {others[0]}",
+                f"such as {others[0].name}",
                 stacklevel=2,
             )
 

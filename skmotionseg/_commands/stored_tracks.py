@@ -18,6 +18,8 @@ from ..video._tracking import PointTracker, TrackerState
 # Frames of a file: what is lost at most.
 BLOCK = 20
 SETTINGS = "run.json"
+# What a file holds of its frames one after the other, and how many of each frame.
+COUNTS = {"ids": "counts", "points": "counts", "slid": "slid_counts"}
 
 
 class StoredTracks:
@@ -78,14 +80,15 @@ class StoredTracks:
         size : tuple of (int, int)
             Width and height.
         """
+        ids, points, slid = zip(*tracked, strict=True)
         with replacing(self._path(self.n_frames)) as file:
             np.savez(
                 file,
-                counts=[len(ids) for ids, _, _ in tracked],
-                ids=np.concatenate([ids for ids, _, _ in tracked]).astype(np.int32),
-                points=np.concatenate([points for _, points, _ in tracked], dtype="f4"),
-                slid_counts=[len(slid) for _, _, slid in tracked],
-                slid=np.concatenate([slid for _, _, slid in tracked]).astype(np.int32),
+                counts=list(map(len, ids)),
+                ids=np.concatenate(ids).astype(np.int32),
+                points=np.concatenate(points, dtype="f4"),
+                slid_counts=list(map(len, slid)),
+                slid=np.concatenate(slid).astype(np.int32),
                 size=size,
                 last_points=state.points,
                 last_ids=state.ids,
@@ -127,11 +130,9 @@ class StoredTracks:
         """Yield ids, points, and the ids of what has slid, of some frames."""
         for first in range(start - start % BLOCK, stop, BLOCK):
             block = _read(self._path(first))
-            counts = dict.fromkeys(("ids", "points"), block["counts"])
-            counts["slid"] = block["slid_counts"]
             parts = [
-                np.split(block[name], np.cumsum(each)[:-1])
-                for name, each in counts.items()
+                np.split(block[name], np.cumsum(block[counts])[:-1])
+                for name, counts in COUNTS.items()
             ]
             wanted = slice(max(start - first, 0), stop - first)
             yield from islice(zip(*parts, strict=True), wanted.start, wanted.stop)

@@ -186,6 +186,7 @@ class _WindowFits:
 
 
 def _joined(clip, found, most):
+    """What windows say together, of at most so many motions."""
     joiner = Joiner(clip.n_tracks, most, clip.extent)
     counts = np.array([each.n_motions for each in found])
     surely = np.array([each.surely for each in found])

@@ -489,7 +489,7 @@ def how_sure(report):
         f"{each.n_motions} with {100 * each.probability:.0f} %"
         for each in (chosen, following)
     )
-    tie = "a near tie" if chosen.probability < NEAR_TIE else ""
+    tie, other = "a near tie" if chosen.probability < NEAR_TIE else "", "next,"
     if following.probability > chosen.probability:
         reached = sum(
             each.probability
@@ -497,7 +497,7 @@ def how_sure(report):
             if each.n_motions >= chosen.n_motions
         )
         tie += f": {chosen.n_motions} or more with {100 * reached:.0f} %"
-    other = "likelier alone:" if following.probability > chosen.probability else "next,"
+        other = "likelier alone:"
     return f"Number of motions: {likely}{tie and f' ({tie})'}; {other} {less}."
 
 

@@ -64,11 +64,7 @@ def check_folder_of(path):
     folder = path.absolute().parent
     if not folder.is_dir():
         raise FileNotFoundError(f"there is no folder to write {path} to")
-    check_open(path if path.is_dir() else folder)
-
-
-def check_open(folder):
-    """Refuse a folder that nothing may be written to."""
+    folder = path if path.is_dir() else folder
     if not os.access(folder, os.W_OK | os.X_OK):
         raise PermissionError(f"{folder} may not be written to (permission denied)")
 

@@ -7,6 +7,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy.ndimage import binary_dilation, map_coordinates, median_filter
 from scipy.spatial import KDTree
 
+from ._looks import without_sliding
+
 # A new point keeps this many grid spacings away from live ones: less, and points pile
 # up where the picture moves across the grid; more, and gaps stay open.
 CLEARANCE = 0.75
@@ -26,13 +28,13 @@ class TrackLog:
     """
 
     def __init__(self):
-        self._ids, self._points = [], []
+        self._ids, self._points, self._slid = [], [], []
 
     @property
     def n_frames(self):
         return len(self._ids)
 
-    def record(self, ids, points):
+    def record(self, ids, points, slid=()):
         """Append a frame.
 
         Parameters
@@ -40,7 +42,10 @@ class TrackLog:
         ids : ndarray of int, shape (n_live,)
             Each at most once.
         points : ndarray of shape (n_live, 2)
+        slid : sequence of int
+            Tracks that were seen to have slid (see :func:`without_sliding`).
         """
+        self._slid.append(slid)
         self._ids.append(ids.astype(np.int32))
         self._points.append(points.astype(np.float32))
 
@@ -56,13 +61,14 @@ class TrackLog:
         ndarray of shape (n_tracks, n_frames, 2), float32
             NaN where a track was not seen.
         """
-        lengths = np.bincount(np.concatenate([*self._ids, np.empty(0, np.int32)]))
+        tracked = zip(self._ids, self._points, self._slid, strict=True)
+        frames = list(without_sliding(tracked))
+        known = [ids for ids, _ in frames]
+        lengths = np.bincount(np.concatenate([*known, np.empty(0, np.int32)]))
         long = lengths >= min_length
         row = np.cumsum(long) - 1
         tracks = np.full((long.sum(), self.n_frames, 2), np.nan, dtype=np.float32)
-        for frame, (ids, points) in enumerate(
-            zip(self._ids, self._points, strict=True)
-        ):
+        for frame, (ids, points) in enumerate(frames):
             kept = long[ids]
             tracks[row[ids[kept]], frame] = points[kept]
         return tracks

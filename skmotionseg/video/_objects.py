@@ -111,8 +111,9 @@ def _by_shot(points, visibility, labels, size):
         return _things(points, visibility, labels, size)
     times = np.stack([visibility[:, slice(*each)].sum(axis=1) for each in ends])
     objects = np.full(len(points), -1)
+    shot = np.where(times.any(axis=0), times.argmax(axis=0), -1)
     for number, each in enumerate(ends):
-        rows = np.flatnonzero((times.argmax(axis=0) == number) & (times[number] > 0))
+        rows = np.flatnonzero(shot == number)
         here = np.ix_(rows, np.arange(*each))
         own = canonical_labels(labels[rows])
         found = np.minimum(own, 0)  # one frame shows no motion

@@ -22,7 +22,7 @@ from ._grid import (
     seed_points,
     stands_out,
 )
-from ._looks import WINDOW, Looks, without_sliding
+from ._looks import WINDOW, Looks
 
 # Where flow changes by more, in pixels per pixel, one thing covers another, and tracks
 # of the covered one would go on with the other. Sundaram et al. let the limit grow with
@@ -202,17 +202,10 @@ def track_video(
     report = make_reporter(progress, _least(frames.n_announced, max_frames))
     log, height, width = TrackLog(), 0, 0
     tracker = PointTracker(grid_spacing, max_error, min_texture, max_side)
-
-    def tracked():
-        nonlocal height, width
-        for number, frame in enumerate(islice(frames, max_frames), 1):
-            height, width = frame.shape[:2]
-            each = tracker.step(frame)
-            yield each.ids, each.points, tracker.slid
-            report(number)
-
-    for ids, points in without_sliding(tracked()):
-        log.record(ids, points)
+    for each in map(tracker.step, islice(frames, max_frames)):
+        height, width = each.frame.shape[:2]
+        log.record(each.ids, each.points, tracker.slid)
+        report(log.n_frames)
     if log.n_frames < 2:
         raise ValueError(
             f"tracks need two frames or more; {frames.name} has {log.n_frames}"

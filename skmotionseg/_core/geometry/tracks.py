@@ -315,7 +315,7 @@ def covisible_pairs(visibility, usual):
         return usual
     if reached.mean() >= ENOUGH_REACHED:
         return _with_more(usual, joinable, ~reached)
-    common = joinable.T.astype(np.intp) @ joinable  # tracks that frames share
+    common = _n_common(joinable)
     pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
     order = np.argsort(-common[tuple(pairs.T)], kind="stable")[:MOST_COVISIBLE]
     np.fill_diagonal(common, -1)
@@ -327,17 +327,21 @@ def covisible_pairs(visibility, usual):
 
 def _with_more(pairs, visibility, missed):
     """Frame pairs, and those that see most of the tracks that were missed so far."""
-    n_seen = visibility.T.astype(np.intp) @ visibility
-    left = visibility[missed]
+    n_seen, left = _n_common(visibility), visibility[missed]
     more: list[tuple] = []
     while len(left) and len(more) < MOST_MORE:
-        n_left = np.where(n_seen >= FEWEST_IN_PAIR, left.T.astype(np.intp) @ left, 0)
-        first, second = np.unravel_index(np.triu(n_left, 1).argmax(), n_left.shape)
-        if n_left[first, second] == 0 or first == second:
+        n_left = np.triu(np.where(n_seen >= FEWEST_IN_PAIR, _n_common(left), 0), 1)
+        first, second = np.unravel_index(n_left.argmax(), n_left.shape)
+        if n_left[first, second] == 0:
             break
         more.append((first, second))
         left = left[~(left[:, first] & left[:, second])]
     return np.concatenate([pairs, more]).astype(int) if more else pairs
+
+
+def _n_common(visibility):
+    """Tracks (n_frames, n_frames) that each two frames see."""
+    return visibility.T.astype(np.intp) @ visibility
 
 
 def non_empty_frames(visibility, fewest):
