@@ -14,12 +14,12 @@ from .._utils.writing import replacing_path
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
 
-def count(text, or_else=""):
-    """A whole number of 1 or more, of a command line."""
+def count(text, or_else="", *, least=1):
+    """A whole number of so many or more, of a command line."""
     number = _integer(text)
-    if number is None or number < 1:
+    if number is None or number < least:
         raise argparse.ArgumentTypeError(
-            f"expected a whole number, 1 or more{or_else}; got {text!r}"
+            f"expected a whole number, {least} or more{or_else}; got {text!r}"
         )
     return number
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -86,7 +87,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
         "help": "use only every STRIDE-th frame (default: 1)",
     },
     "--max-frames": {
-        "type": count,
+        "type": partial(count, least=2),
         "help": "number of frames to read (default: all)",
     },
     "--resume": {

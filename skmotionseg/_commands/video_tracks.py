@@ -21,6 +21,8 @@ from .stored_tracks import StoredClip, StoredTracks, track_into
 # video whose tracks are for masks, longer ones being taken in blocks.
 WHOLE = ("render", "report", "split_dir", "prompts", "viewer")
 LONGEST_WHOLE = 500
+# Tracks of one homography, without which nothing is said.
+FEWEST_TRACKS = 4
 
 
 def open_video(arguments):
@@ -138,11 +140,14 @@ def _settings(arguments, frames):
 
 
 def _check_kept(arguments, n_kept, n_frames):
-    if not n_kept:
-        raise ValueError(
-            f"no point of {arguments.file} could be followed for "
-            f"{shortest_track(n_frames)} frames: there is too little texture"
-        )
+    if n_kept >= FEWEST_TRACKS:
+        return
+    far_apart = "" if arguments.grid is None else f", or --grid {arguments.grid} is far"
+    points = f"{n_kept} points" if n_kept > 1 else f"{n_kept or 'no'} point"
+    raise ValueError(
+        f"{points} of {arguments.file} could be followed for "
+        f"{shortest_track(n_frames)} frames: there is too little texture{far_apart}"
+    )
 
 
 def shortest_track(n_frames):

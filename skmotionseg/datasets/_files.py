@@ -64,7 +64,8 @@ def load_tracks(
     path : str or path-like
         ``.npz``: ``points`` (n_tracks, n_frames, 2) and, if some are unseen,
         ``visibility`` (n_tracks, n_frames); or ``X`` (n_tracks, 2 * n_frames). A
-        ``labels`` array is optional. Or what point trackers give, under their names
+        ``labels`` array is optional; under any of these names, an array of two axes is
+        taken as ``X``. Or what point trackers give, under their names
         for it:
 
         - CoTracker: ``pred_tracks`` (1, n_frames, n_tracks, 2), ``pred_visibility``
@@ -92,7 +93,8 @@ def load_tracks(
         frames counted from any number; or one row per track and two columns per
         frame, empty where unseen, with or without a header. Under a header, a first
         column that holds the index, as pandas writes it, becomes ``track_ids``, and a
-        column ``label`` becomes ``target``.
+        column ``label`` becomes ``target``. Columns may also be separated by
+        semicolons (commas are decimal then), tabs or, if none is empty, blanks.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
@@ -308,12 +310,10 @@ def _labels_from_one(labels):
 def _read_csv(path):
     # Spreadsheets begin their files with a byte-order mark, which is no part of a name.
     with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = [row for row in csv.reader(file) if row]
-    if not rows:
+        lines = [line for line in file if line.strip()]
+    if not lines:
         raise ValueError("it is empty")
-    for separator, name in ((";", "semicolons"), ("\t", "tabs")):
-        if any(separator in cell for cell in rows[0]):
-            raise ValueError(f"columns must be separated by commas; got {name}")
+    rows = _cells(lines)
     header = [name.strip().lower() for name in rows[0]]
     widths = {len(row) for row in rows}
     if len(widths) > 1:
@@ -328,6 +328,21 @@ def _read_csv(path):
             f"needs the columns {', '.join(NEEDED)}; got {', '.join(header)}"
         )
     return _read_wide(header, rows)
+
+
+def _cells(lines):
+    """The cells of lines, which semicolons, tabs, commas or blanks separate.
+
+    Beside semicolons, commas are decimal. Blanks may stand beside any of the others.
+    """
+    # numpy.savetxt begins a header with "# ".
+    lines = [lines[0].removeprefix("#").strip(" \r\n"), *lines[1:]]
+    separators = [one for one in ";\t," if one in lines[0]]
+    if separators[:1] == [";"]:
+        lines = [line.replace(",", ".") for line in lines]
+    if not separators and " " in lines[0]:
+        return [line.split() for line in lines]
+    return list(csv.reader(lines, delimiter=(separators or ",")[0]))
 
 
 def _observation_columns(header):

@@ -54,10 +54,10 @@ def read_npz(path, *, layout=None, visible_above=None, size_known=False):
         If the names are of no layout known, or what they hold does not fit.
     """
     with NpzArrays(path) as arrays:
-        if "X" in arrays and "points" not in arrays:
-            data = _matrix(arrays, layout, visible_above)
+        name = _tracks_name(arrays)
+        if name == "X" or len(arrays.shape(name)) == 2:
+            data = _matrix(arrays, name, layout, visible_above)
         else:
-            name = _points_name(arrays)
             layout = layout or _implied_layout(name, arrays)
             visibility, visible_above = _visibility(arrays, visible_above)
             data = pack_tracks(
@@ -82,12 +82,15 @@ def _real(arrays, name):
     return array.astype(float, copy=False)
 
 
-def _matrix(arrays, layout, visible_above):
+def _matrix(arrays, name, layout, visible_above):
     """Tracks as this package writes them, and perhaps where they are seen."""
-    data = _real(arrays, "X")
+    data = _real(arrays, name)
     visibility, visible_above = _visibility(arrays, visible_above)
     if layout is not None:
-        raise ValueError("'X' has a row per track: layout is for 'points' and 'tracks'")
+        raise ValueError(
+            f"{name!r} has a row per track and two columns per frame: layout is for "
+            "points of three axes"
+        )
     if visibility is None and visible_above is None:
         return data
     points, _ = unpack_tracks(data)
@@ -108,8 +111,8 @@ def _first_of(names, arrays):
     return next((name for name in names if name in arrays), None)
 
 
-def _points_name(arrays):
-    name = _first_of(("points", "pred_tracks", "tracks"), arrays)
+def _tracks_name(arrays):
+    name = _first_of(("points", "X", "pred_tracks", "tracks"), arrays)
     if name is not None:
         return name
     raise ValueError(

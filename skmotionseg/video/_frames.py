@@ -65,6 +65,8 @@ class Frames:
         """Every so many of the frames, from the first on."""
         fewer = copy(self)
         fewer._stride = self._stride * stride
+        if stride > 1:
+            fewer.name = f"{self.name}, one frame of {stride},"
         fewer.fps = None if self.fps is None else self.fps / stride
         if self.n_announced is not None:
             fewer.n_announced = -(-self.n_announced // stride)

@@ -320,7 +320,7 @@ def test_what_is_unseen_has_many_names(tracks, name, points_name, tmp_path):
 def test_a_matrix_has_no_layout(tracks, tmp_path):
     path = tmp_path / "clip.npz"
     np.savez(path, X=tracks[-1])
-    with pytest.raises(ValueError, match="layout is for 'points'"):
+    with pytest.raises(ValueError, match="layout is for points of three"):
         load_tracks(path, layout="tracks_first")
     with pytest.raises(ValueError, match="visible_above is about visibility"):
         load_tracks(path, visible_above=0.5)
@@ -440,7 +440,6 @@ SHAPES = {
     (5, 4, 3): "three numbers instead of x and y.*points\\[..., :2\\]",
     (2, 5, 4): "x and y must be the last axis.*moveaxis\\(points, -3, -1\\)",
     (5, 2, 4): "x and y must be the last axis.*moveaxis\\(points, -2, -1\\)",
-    (5, 8): "two columns per frame is already packed",
     (3, 5, 4, 2): "a batch of 3 videos",
 }
 
@@ -451,6 +450,11 @@ def test_shapes_say_what_is_wrong(shape, tmp_path):
     np.savez(path, points=np.full(shape, 7.0))
     with pytest.raises(ValueError, match=SHAPES[shape]):
         load_tracks(path)
+
+
+def test_a_matrix_is_packed_already():
+    with pytest.raises(ValueError, match="two columns per frame is already packed"):
+        pack_tracks(np.full((5, 8), 7.0))
 
 
 def test_swapped_visibility_is_named(tracks, tmp_path):
@@ -507,12 +511,40 @@ HEADERS = {
     "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
     "particle,step,x,y\n0,0,1.5,2\n": "columns track, frame, x, y; got particle, step",
     "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
-    "1.5;2.5;3.5;4.5\n": "separated by commas; got semicolons",
-    "1.5\t2.5\t3.5\t4.5\n": "separated by commas; got tabs",
+    "1.5 2.5  3.5\n1.5 2.5\n": r"rows differ in length: \[2, 3\]",
     "id,t,x,y,visible\n0,0,1.5,2,0.3\n": "'visible' must be 0 or 1 in each row",
     "id,t,x,y\n0,0.5,1.5,2\n": "the column 'frame'",
     "id,t,x,y\n0,0,True,2\n": "could not convert string to float: 'True'",
 }
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", " ", ", "])
+def test_separators(tmp_path, separator):
+    path = tmp_path / "clip.csv"
+    X = np.arange(12.0).reshape(3, 4) / 7
+    X[1, 2:] = np.nan
+    for header in ("", separator.join(["x0", "y0", "x1", "y1"])):
+        np.savetxt(path, X, delimiter=separator, header=header)
+        assert_array_equal(load_tracks(path).data, X)
+    if separator == ";":  # of a country with decimal commas
+        path.write_text(path.read_text().replace(".", ","))
+        assert_array_equal(load_tracks(path).data, X)
+    rows = [[0, 0, 1.5, 2], [0, 1, 1.7, 2], [1, 0, 5, 5], [1, 1, 5, 6]]
+    names = separator.join(["track", "frame", "x", "y"])
+    np.savetxt(path, rows, delimiter=separator, header=names)
+    assert_array_equal(load_tracks(path).data, [[1.5, 2, 1.7, 2], [5, 5, 5, 6]])
+
+
+@pytest.mark.parametrize("name", ["X", "points", "tracks"])
+def test_matrices_under_any_name(tmp_path, name):
+    path = tmp_path / "clip.npz"
+    X = np.arange(12.0).reshape(3, 4)
+    visibility = np.array([[1, 1], [1, 0], [1, 1]])
+    np.savez(path, **{name: X, "visibility": visibility})
+    X[1, 2:] = np.nan
+    assert_array_equal(load_tracks(path).data, X)
+    with pytest.raises(ValueError, match=f"'{name}' has a row per track and two col"):
+        load_tracks(path, layout="tracks_first")
 
 
 @pytest.mark.parametrize("text", HEADERS, ids=repr)

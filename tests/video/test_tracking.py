@@ -703,6 +703,28 @@ def test_segment_refuses_a_video_without_texture(tmp_path, capsys):
     assert "too little texture" in errors
 
 
+@pytest.mark.parametrize(
+    ("option", "number", "message"),
+    [
+        ("--stride", 50, "two frames or more; .*crossed.avi, one frame of 50, has 1"),
+        ("--grid", 999, "[1-3] points? of .* followed for 5 .* or --grid 999 is far"),
+    ],
+)
+def test_segment_says_which_option_leaves_too_little(
+    crossed, tmp_path, capsys, option, number, message
+):
+    path = write_video(tmp_path / "crossed.avi", crossed[:8], "MJPG")
+    code, _, errors = run(capsys, "segment", path, option, number)
+    assert code == 2
+    assert re.search(message, errors)
+
+
+def test_segment_needs_two_frames(capsys):
+    with pytest.raises(SystemExit):
+        run(capsys, "segment", "clip.mp4", "--max-frames", 1)
+    assert "--max-frames: expected a whole number, 2 or" in capsys.readouterr().err
+
+
 # ------------------------------------------------------------------------ preprocessing
 
 
