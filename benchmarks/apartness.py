@@ -4,7 +4,7 @@ The number of motions is the largest of which the best partition has groups that
 all apart: the two that are least apart decide. So scenes are searched for partitions
 into as many motions as there are, where these two are apart, and into one more, where
 they are not. A logistic regression on what says that they are different motions
-(``skmotionseg._core.partition.rigid_search.evidence``) gives the constants of that
+(``skmotionseg._core.partition.apartness.evidence``) gives the constants of that
 module. Which partition is the best, and which two groups decide, depends on the
 constants, so it is repeated with those that decide by the constants of the last time.
 Evidence is of the windows of the search; in clips of more than twenty frames, longer
@@ -29,7 +29,9 @@ from sklearn.linear_model import LogisticRegression
 
 from skmotionseg import MotionSegmenter, datasets
 from skmotionseg._core.labels import groups_of
-from skmotionseg._core.partition.rigid_search import Step, evidence, rank
+from skmotionseg._core.partition.apartness import evidence
+from skmotionseg._core.partition.rigid_partitions import rank
+from skmotionseg._core.partition.rigid_search import Step
 
 from .measuring import show_progress
 from .scenes_bench import scenes_of
@@ -95,7 +97,8 @@ def _partition(search, step):
         for i in range(len(groups))
         for j in range(i)
     )
-    found = [search.apart[key] for key in keys if key in search.apart]
+    compared = search.comparisons.found
+    found = [compared[key] for key in keys if key in compared]
     known = [
         evidence(each.size, each.gain, each.links, each.far, each.cross)
         for each in found

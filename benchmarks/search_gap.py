@@ -21,7 +21,7 @@ from joblib import Parallel, delayed
 
 from skmotionseg import MotionSegmenter
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS
-from skmotionseg._core.partition.rigid_search import ROUNDS, rank, with_odds
+from skmotionseg._core.partition.rigid_partitions import ROUNDS, rank, with_odds
 from skmotionseg.datasets import scene_families
 from skmotionseg.metrics import misclassification_error
 

@@ -106,15 +106,15 @@ class Constant:
 
 
 CONSTANTS = (
-    Constant("_core.partition.rigid_search", "GAIN_WEIGHT"),
-    Constant("_core.partition.rigid_search", "LINK_WEIGHT"),
-    Constant("_core.partition.rigid_search", "FAR_WEIGHT"),
-    Constant("_core.partition.rigid_search", "CROSS_WEIGHT"),
-    Constant("_core.partition.rigid_search", "PRIOR"),
+    Constant("_core.partition.apartness", "GAIN_WEIGHT"),
+    Constant("_core.partition.apartness", "LINK_WEIGHT"),
+    Constant("_core.partition.apartness", "FAR_WEIGHT"),
+    Constant("_core.partition.apartness", "CROSS_WEIGHT"),
+    Constant("_core.partition.apartness", "PRIOR"),
     Constant("_core.partition.rigid_search", "NATS_OF_LINKS"),
-    Constant("_core.partition.rigid_search", "MERGING_WEIGHTS"),
-    Constant("_core.partition.rigid_search", "MERGING_PRIOR"),
-    Constant("_core.partition.rigid_search", "NATS_OF_ODDS"),
+    Constant("_core.partition.apartness", "MERGING_WEIGHTS"),
+    Constant("_core.partition.apartness", "MERGING_PRIOR"),
+    Constant("_core.partition.rigid_partitions", "NATS_OF_ODDS"),
     Constant("_core.partition.rigid_search", "NATS_OF_LABELS"),
     Constant("_core.partition.cost", "CUT_WEIGHT"),
     Constant("_core.partition.cost", "GAIN_OF_CUT"),

@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from skmotionseg._core.partition import rigid_search, search
+from skmotionseg._core.partition import rigid_partitions, search
 
 # Families of scenes whose motions are not compared over windows of frames.
 WITHOUT_WINDOWS = ("two_images", "photographs")
@@ -49,14 +49,14 @@ def compared_steps():
     list of (RigidSearch, Step)
     """
     kept = []
-    with_odds = rigid_search.with_odds
+    with_odds = rigid_partitions.with_odds
 
     def watched(one, step):
         found = yield from with_odds(one, step)
         kept.append((one, found))
         return found
 
-    with patch.object(rigid_search, "with_odds", watched):
+    with patch.object(rigid_partitions, "with_odds", watched):
         yield kept
 
 

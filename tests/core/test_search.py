@@ -16,11 +16,8 @@ from skmotionseg._core.graph.cuts import own_shares
 from skmotionseg._core.graph.fusion import kernel_addition
 from skmotionseg._core.labels import canonical_labels
 from skmotionseg._core.partition.cost import Cost, Judge
-from skmotionseg._core.partition.rigid_search import (
-    NATS_OF_LINKS,
-    RigidPartitions,
-    Step,
-)
+from skmotionseg._core.partition.rigid_partitions import RigidPartitions
+from skmotionseg._core.partition.rigid_search import NATS_OF_LINKS, Step
 from skmotionseg._core.partition.search import (
     _by_frame_pairs,
     _choose,

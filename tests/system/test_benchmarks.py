@@ -380,7 +380,7 @@ def test_values_are_scaled_in_kind():
 
 def _settings():
     """As it is; no motion is worth its while; other lengths."""
-    prior = sensitivity.Constant("_core.partition.rigid_search", "PRIOR")
+    prior = sensitivity.Constant("_core.partition.apartness", "PRIOR")
     levels = sensitivity.Constant("_core.geometry.description_length", "NOISE_LEVELS")
     return [
         sensitivity.AS_IT_IS,

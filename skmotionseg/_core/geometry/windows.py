@@ -344,6 +344,22 @@ class Windows:
         """
         return motion.deviations[int(relative), tracks], motion.known[tracks]
 
+    def explained(self, motion, tracks, most):
+        """Those of some tracks that a motion explains with deviations of at most this.
+
+        Parameters
+        ----------
+        motion : RigidMotion
+        tracks : ndarray of int, shape (n,)
+        most : float
+
+        Returns
+        -------
+        ndarray of int
+        """
+        deviations, freedom = self.deviations(motion, tracks)
+        return tracks[(freedom > 0) & (deviations <= most)]
+
     def inverse_depths(self, motion, tracks):
         """Inverse depths of some tracks by a motion, window by window.
 

@@ -3,8 +3,7 @@
 A motion that is rigid over many frames leaves each track one free number, so tracks of
 another motion are off by far more than the noise. Tracks are assigned to the motion
 that explains them in all windows, their neighbours in the graph having a say; two
-groups are different motions if one rigid motion explains both much worse than two do,
-or has to place one at infinity, and the graph has few links between them.
+groups that are not different motions (see :mod:`.apartness`) are merged.
 """
 
 from __future__ import annotations
@@ -18,26 +17,18 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
-from ..geometry.joint_depths import infinitely_far
 from ..geometry.rigid_motion import FREEDOM
 from ..geometry.windows import (
     FEWEST_TRACKS,
-    FOCAL_STEPS,
     FitRequest,
-    RigidMotion,
     best_focal_length,
 )
 from ..labels import groups_of, indicator
-from .local_search import split
+from .apartness import INLIER_SCALES, Comparisons, Links
 from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
-# Where over-segments leave noise above this, in pixels of a video 640 pixels wide, they
-# may mix motions, of which there are more. They do if twice as many leave less than
-# this share of it: twelve that move apart leave 0.19, and scenes of two to eight, of
-# which hardly any is that rough, 0.35 and more.
-ROUGH, LESS_ROUGH = 0.3, 0.6
 # Nats per track by which a focal length must explain tracks better, for each unit of
 # the log of its ratio to the usual one. On simulated scenes, whose focal lengths are
 # within 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors
@@ -48,92 +39,12 @@ NATS_OF_FOCAL_LENGTH = 0.3
 MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
 NATS_OF_LINKS = 4.0
-# Log odds of two groups being different motions, for each kind of :func:`evidence`, and
-# without any: what the number of motions is told by. By a logistic regression on pairs
-# of groups that decide in simulated scenes (``python -m benchmarks.apartness``), before
-# fits were kept in front of the camera, and had a term for what is behind.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.72, 1.3, 5.15, 1.36
-PRIOR = -8.46
-# The same for their distance, by which they are merged: what counts there is which of
-# several pairs is one motion rather than whether any is, and links tell that better,
-# those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
-MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0), -7.0
-# Links over chance below which fewer say no more: of the odds, and of the distance.
-FEWEST_LINKS, FEWEST_MERGING_LINKS = 0.06, 0.01
-# Distances by one of two motions below which no joint motion is fitted.
-SURELY_ONE = -4.0
-# Gains above this, in nats per track, bring two groups no farther apart.
-MOST_GAIN = 5.0
-# A motion by which tracks of another group cost so many nats more, on average, than by
-# their own does not explain them at all.
-MOST_CROSS = 4.0
-# Deviations, in pixels of a video 640 pixels wide, below which all are alike.
-ALIKE = 0.1
-# Pairs of groups that a joint motion is fitted to before the others, and the tracks of
-# a group that motions are fitted to where two are compared with one.
-JOINTLY_FITTED = 3
-MOST_COMPARED = 160
-# Changes of a partition that are made at most; one or two are usual.
-MOST_CHANGES = 5
-# Rounds of assigning and fitting that a partition is settled in, at most.
-ROUNDS = 6
-# Nats per track that a partition costs beside its energy: for each unit by which the
-# log odds of its motions being different are less, and for each nat that labels tell.
-# By which partitions of simulated scenes are then the best.
-NATS_OF_ODDS = 0.3
+# Nats that a partition costs for each nat that its labels tell: with this, and with
+# what odds are worth where partitions are compared, the best of simulated scenes cost
+# least.
 NATS_OF_LABELS = 0.5
-# Log odds above this, and below its negative, count as this.
-SURE = 4.0
-# Numbers of motions beyond the one chosen so far that are searched, too, unless by the
-# log odds there are hardly as many (one in twenty): where two are missing, their tracks
-# are mixed until both are there.
-LOOKAHEAD, HOPELESS = 2, -3.0
 # Groups of linked tracks that no motion explains, of which new motions are tried.
 MOST_UNEXPLAINED = 3
-# Inliers are within so many scales.
-INLIER_SCALES = 2.5
-
-
-class Apartness(NamedTuple):
-    """Whether two groups are different motions.
-
-    Attributes
-    ----------
-    log_odds : float
-    distance : float
-        By which the two that are merged are chosen.
-    joint : RigidMotion
-        The motion that explains both best.
-    size : int
-        Tracks of the smaller.
-    gain : float
-        By how much worse it does than their own two (see ``_gain``).
-    links : float
-        The links between the tracks that their motions explain, over those that chance
-        would give.
-    far : float
-        How clearly the joint motion places one of them at infinity, and one not (see
-        :func:`infinitely_far`).
-    cross : float
-        By how much worse the motion of either explains the other (see ``_cross``).
-    """
-
-    log_odds: float
-    distance: float
-    joint: RigidMotion
-    size: int
-    gain: float
-    links: float
-    far: float
-    cross: float
-
-
-def _log_odds(apartness):
-    return apartness.log_odds
-
-
-def _distance(apartness):
-    return apartness.distance
 
 
 class Step(NamedTuple):
@@ -164,23 +75,11 @@ class Step(NamedTuple):
     def n_motions(self):
         return int(self.labels.max()) + 1
 
-
-def _with_odds_of(step, i, j, least):
-    """A step with the two groups that are least apart, and their :class:`Apartness`."""
-    return step._replace(pair=(j, i), log_odds=least.log_odds, distance=least.distance)
-
-
-class _Pair(NamedTuple):
-    """Two groups of a partition, and their motions."""
-
-    i: int
-    j: int
-    groups: tuple
-    motions: tuple
-
-    @property
-    def key(self):
-        return tuple(group.tobytes() for group in self.groups)
+    def compared(self, i, j, least):
+        """This step, with the two groups that are least apart, and how far they are."""
+        return self._replace(
+            pair=(j, i), log_odds=least.log_odds, distance=least.distance
+        )
 
 
 class RigidSearch:
@@ -204,18 +103,17 @@ class RigidSearch:
 
     Attributes
     ----------
-    apart : dict of (bytes, bytes) to Apartness
-        Of all pairs of groups, by their positions, to which a joint motion was fitted.
+    comparisons : Comparisons
+        Of groups, by the focal length and the scale of the noise that are in use.
     """
 
     def __init__(self, windows, affinity, simplest=None, focal_length=None):
         self.windows, self.focal_length = windows, focal_length
         self.affinity = _links_of(affinity)
         self.degrees = self.affinity.sum(axis=1)
-        self.simplest = _links_of(affinity if simplest is None else simplest)
-        self.scale = windows.least_noise
-        self._fitted, self.apart, self._distances_by_own = {}, {}, {}
-        self._total, self._links_to = self.simplest.sum(), {}
+        self.links = Links(_links_of(affinity if simplest is None else simplest))
+        self.scale, self._fitted = windows.least_noise, {}
+        self.comparisons = Comparisons(windows, self.links, self.scale)
 
     def run(self, *searches):
         """What each of some searches returns, run side by side."""
@@ -248,8 +146,8 @@ class RigidSearch:
         if windows is None:
             return None
         other = copy(self)
-        other.windows = windows
-        other._fitted, other.apart, other._distances_by_own = {}, {}, {}
+        other.windows, other._fitted = windows, {}
+        other.comparisons = Comparisons(windows, self.links, self.scale)
         return other
 
     def restart(self, labels):
@@ -320,7 +218,7 @@ class RigidSearch:
         self._fitted = {
             fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
         }
-        self.apart, self._distances_by_own = {}, {}
+        self.comparisons = Comparisons(self.windows, self.links, self.scale)
 
     def _by_focal_length(self, focal_length, groups, starts):
         """Nats of some groups with a focal length, and their motions from starts."""
@@ -391,35 +289,6 @@ class RigidSearch:
             labels = new
         return best
 
-    def least_apart(self, labels, motions):
-        """The two groups that are least apart, and their :class:`Apartness`.
-
-        A joint motion is fitted to two groups only where neither's own motion shows
-        that they are one: at first to the few that are least apart by these, and to all
-        where none of those is one, by their distance or by their log odds.
-
-        Returns
-        -------
-        (i, j), Apartness
-            ``j < i``. With the least log odds of any two that were compared.
-        """
-        groups = groups_of(labels)
-        pairs = [
-            _Pair(i, j, (groups[i], groups[j]), (motions[i], motions[j]))
-            for i in range(len(groups))
-            for j in range(i)
-        ]
-        pairs.sort(key=self._distance_by_own)
-        some = pairs[:JOINTLY_FITTED]
-        if self._distance_by_own(pairs[0]) < 0:
-            some = pairs[:1]
-        apart = yield from self._apartnesses(some)
-        if min(map(_distance, apart)) > 0 or min(map(_log_odds, apart)) > 0:
-            some, apart = pairs, (yield from self._apartnesses(pairs))
-        k = min(range(len(some)), key=lambda k: apart[k].distance)
-        least = apart[k]._replace(log_odds=min(map(_log_odds, apart)))
-        return (some[k].i, some[k].j), least
-
     def descent(self, labels, fewest):
         """Merge the two groups that are least apart, again and again.
 
@@ -437,8 +306,10 @@ class RigidSearch:
         step = yield from self.settled(labels, rounds=1)
         steps = []
         while step.n_motions > fewest:
-            (i, j), least = yield from self.least_apart(step.labels, step.motions)
-            steps.append(_with_odds_of(step, i, j, least))
+            (i, j), least = yield from self.comparisons.least_apart(
+                step.labels, step.motions
+            )
+            steps.append(step.compared(i, j, least))
             motions = [*step.motions]
             motions[j] = least.joint
             del motions[i]
@@ -464,7 +335,7 @@ class RigidSearch:
             deviations, freedom = self.windows.deviations(motion, group)
             lost[group] = (freedom > 0) & (deviations > INLIER_SCALES * self.scale)
         lost = np.flatnonzero(lost)
-        links = self.simplest[lost][:, lost]
+        links = self.links.among(lost)
         _, components = connected_components(links, directed=False)
         sizes = np.bincount(components, minlength=1)
         for component in np.argsort(-sizes, kind="stable")[:MOST_UNEXPLAINED]:
@@ -520,7 +391,8 @@ class RigidSearch:
 
     def _strange(self, group, motion):
         """Whether a motion explains less than half of a group."""
-        return 2 * len(self._explained(group, motion)) < len(group)
+        limit = INLIER_SCALES * self.scale
+        return 2 * len(self.windows.explained(motion, group, limit)) < len(group)
 
     def _inliers(self, group, motion):
         """The tracks of a group that its motion explains; at least half of them."""
@@ -529,183 +401,6 @@ class RigidSearch:
         limit = max(np.median(deviations), INLIER_SCALES * self.scale)
         kept = group[deviations <= limit]
         return kept if len(kept) >= FEWEST_TRACKS else group
-
-    def _distance_by_own(self, pair):
-        """The distance of two groups if one of their motions is the joint.
-
-        Where it places them is left open: this is to tell whom to compare, and is asked
-        of all pairs.
-        """
-        key = pair.key
-        if key not in self._distances_by_own:
-            gain, _ = self._gain(pair.groups, pair.motions, pair.motions)
-            self._distances_by_own[key] = self._merging_distance(pair.groups, gain)
-        return self._distances_by_own[key]
-
-    def _apartnesses(self, pairs):
-        """The :class:`Apartness` of pairs of groups, each computed once."""
-        new = [pair for pair in pairs if pair.key not in self.apart]
-        found = yield from side_by_side(map(self._compared, new))
-        self.apart.update(zip((pair.key for pair in new), found, strict=True))
-        return [self.apart[pair.key] for pair in pairs]
-
-    def _compared(self, pair):
-        """The :class:`Apartness` of two groups, all motions fitted to more tracks."""
-        if self._distance_by_own(pair) <= SURELY_ONE:
-            return self._apartness_by(pair, pair.motions, told=False)
-        own = yield [
-            FitRequest(group, (motion,), MOST_COMPARED)
-            for group, motion in zip(pair.groups, pair.motions, strict=True)
-        ]
-        pair = pair._replace(motions=tuple(own))
-        both = np.union1d(*pair.groups)
-        joint = yield [FitRequest(both, pair.motions, MOST_COMPARED)]
-        best = self._apartness_by(pair, [*own, *joint])
-        if best.log_odds > 0 or best.distance > 0:
-            anew = yield [FitRequest(both, most_tracks=MOST_COMPARED)]
-            best = self._apartness_by(pair, [*own, *joint, *anew])
-        return best
-
-    def _apartness_by(self, pair, joints, told=True):
-        """The :class:`Apartness` of two groups for the best of some joint motions."""
-        gain, joint = self._gain(pair.groups, pair.motions, joints)
-        explained = list(map(self._explained, pair.groups, pair.motions))
-        links = self._links(*map(_telling, explained, pair.groups))
-        far = infinitely_far(*self._placed(explained, joint)) if told else 0.0
-        cross = self._cross(pair)
-        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT
-        size = min(map(len, pair.groups))
-        known = evidence(size, gain, links, far, cross)
-        log_odds = np.dot(weights, known) + PRIOR
-        distance = self._merging_distance(pair.groups, gain, far)
-        if self._at_other_times(*pair.groups):
-            log_odds = distance  # by links alone: that one motion explains both is idle
-        return Apartness(
-            float(log_odds),
-            distance,
-            joint,
-            size,
-            float(gain),
-            links,
-            far,
-            cross,
-        )
-
-    def _merging_distance(self, groups, gain, far=0.0):
-        """The distance of two groups, by which they are merged."""
-        few = _fewness(self._links(*groups), FEWEST_MERGING_LINKS)
-        known = min(gain, MOST_GAIN), few, far
-        return float(np.dot(MERGING_WEIGHTS, known) + MERGING_PRIOR)
-
-    def _placed(self, inliers, joint):
-        """Inverse depths of the inliers of two groups by a joint motion, and errors."""
-        found = self.windows.inverse_depths(joint, np.concatenate(inliers))
-        depths, errors = (np.split(each, [len(inliers[0])]) for each in found)
-        return depths, [error * self.scale for error in errors]
-
-    def _at_other_times(self, first, second):
-        """Whether each of two groups is seen in some frame, but both in none.
-
-        By enough tracks that their windows tell something of: a group that has as many
-        in no frame has no motion that could be another.
-        """
-        one, other = self._shown(first), self._shown(second)
-        return bool(one.any() and other.any() and not (one & other).any())
-
-    def _shown(self, group):
-        """Frames (W, L) of windows in which enough tracks of a group are seen."""
-        told = self.windows.freedom[group].T > 0
-        seen = self.windows.seen[:, group] & told[..., None]
-        return np.count_nonzero(seen, axis=1) >= FEWEST_TRACKS
-
-    def _explained(self, group, motion):
-        """The tracks of a group that its motion explains."""
-        deviations, freedom = self.windows.deviations(motion, group)
-        return group[(freedom > 0) & (deviations <= INLIER_SCALES * self.scale)]
-
-    def _links(self, first, second):
-        """The links between two groups over those that chance would give."""
-        one, other = self._links_from(first), self._links_from(second)
-        chance = one.sum() * other.sum()
-        return float(one[second].sum() * self._total / chance) if chance > 0 else 0.0
-
-    def _links_from(self, group):
-        """The links of each track to those of a group, summed once."""
-        key = group.tobytes()
-        if key not in self._links_to:
-            inside = np.zeros(len(self.degrees))
-            inside[group] = 1
-            self._links_to[key] = self.simplest @ inside
-        return self._links_to[key]
-
-    def _cross(self, pair):
-        """How much worse the motion of either group explains the other than its own.
-
-        A joint motion of two that move apart is often found, if they are small or seen
-        for a short time; but it is neither's own. The log of the ratio of squared
-        deviations, as in nats of tracks, per track that both motions say something of,
-        at most MOST_CROSS; of the two groups, where it is less.
-        """
-        swapped = zip(pair.groups, pair.motions, pair.motions[::-1], strict=True)
-        return min(self._worse(*each) for each in swapped)
-
-    def _worse(self, group, own, other):
-        """By how many nats per track another motion explains a group worse."""
-        (apart, known), (across, also) = (
-            self.windows.deviations(motion, group) for motion in (own, other)
-        )
-        both = (known > 0) & (also > 0)
-        nats = [np.log1p((each[both] / self.scale) ** 2) for each in (across, apart)]
-        worse = np.clip(nats[0] - nats[1], 0, MOST_CROSS)
-        return float(worse.mean()) if both.any() else 0.0
-
-    def _gain(self, groups, own, joints):
-        """How much worse the best of some motions is for two groups than their own.
-
-        The log of the ratio of squared deviations, summed over the tracks, per track of
-        the smaller group; and that motion.
-        """
-        windows, alike = self.windows, (ALIKE / self.windows.pixels) ** 2
-        totals = np.zeros(len(joints))
-        for group, motion in zip(groups, own, strict=True):
-            apart, known = windows.deviations(motion, group, relative=False)
-            apart = (apart * windows.shrinkage(motion, group)) ** 2 + alike
-            for k, joint in enumerate(joints):
-                together, also = windows.deviations(joint, group, relative=False)
-                ratio = (together**2 + alike) / apart
-                totals[k] += np.log(ratio[(known > 0) & (also > 0)]).sum()
-        k = int(totals.argmin())
-        return totals[k] / min(map(len, groups)), joints[k]
-
-
-def evidence(size, gain, links, far, cross):
-    """What says that two groups are different motions: what :class:`Apartness` has.
-
-    Returns
-    -------
-    ndarray of shape (4,)
-        The logarithm of one plus the gain, times that of the size; minus the logarithm
-        of the links; the square root of how clearly one of the groups is at infinity;
-        and how much worse either's motion explains the other. Log odds are a sum of
-        these, each with its weight.
-    """
-    gained = np.log(size) * np.log1p(max(gain, 0.0))
-    apart = _fewness(links, FEWEST_LINKS)
-    return np.array([gained, apart, np.sqrt(far), cross])
-
-
-def _fewness(links, fewest):
-    """Minus the logarithm of links over chance, not told apart near none and above it.
-
-    More than by chance say no more: two small motions of which some tracks are linked
-    have many times as many, halves of a large one hardly twice as many.
-    """
-    return -np.log(min(links, 1.0) + fewest)
-
-
-def _telling(explained, group):
-    """The tracks of a group whose links say something: outliers link anything."""
-    return explained if len(explained) >= FEWEST_TRACKS else group
 
 
 def _links_of(affinity):
@@ -728,6 +423,12 @@ def _energy(labels, cut, nats):
     return len(labels) * (nats + NATS_OF_LINKS * cut + NATS_OF_LABELS * float(told))
 
 
+def _nats_of_labels(labels, n_groups):
+    """Nats (M,) that each label tells, given the sizes of the groups."""
+    sizes = np.maximum(np.bincount(labels, minlength=n_groups), 1)
+    return np.log(len(labels) / sizes)
+
+
 def _log_ratio(one, other):
     """How far two focal lengths are from each other: 0 if they are the same."""
     return abs(np.log(one / other))
@@ -741,295 +442,3 @@ def _terms(labels, costs, linked):
     tracks = np.arange(len(labels))
     cut = 1 - float(linked[tracks, labels].mean())
     return cut, float(costs[tracks, labels].mean())
-
-
-class RigidPartitions(NamedTuple):
-    """Partitions by rigid motion, and the number of motions.
-
-    Attributes
-    ----------
-    steps : dict of int to Step
-        The best partition for each number of motions that was met. The log odds of
-        those that were searched as if their number had been given are by longer windows
-        where there are some.
-    chosen : int
-        The number of motions.
-    """
-
-    steps: dict[int, Step]
-    chosen: int
-
-
-def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=None):
-    """Partitions of least energy, and how many motions there are.
-
-    The number of motions is the largest of which a partition is found whose motions
-    are all likelier different than one, by longer windows where there are some; its
-    partition is the best of so many that are met, as if the number had been given. So
-    are those of the numbers next to it.
-
-    Parameters
-    ----------
-    search : RigidSearch
-    over_segments : list of ndarray of int, shape (n,)
-        Partitions to merge.
-    counts : ndarray of int, shape (n_counts,)
-        Numbers of motions that may be.
-    candidates : callable
-        ``n_motions -> iterable of labels (n,)``: more partitions to start from.
-    bisect : callable
-        Takes the positions of a group to booleans, or to None if it cannot be parted.
-    finer : callable, optional
-        ``n_groups -> list of labels (n,)``: over-segments, perhaps fewer groups.
-
-    Returns
-    -------
-    RigidPartitions or None
-        None where no partition has as many motions as there must be.
-    """
-    fewest, most = int(counts[0]), int(counts[-1])
-    bisect = _once_per_group(bisect)
-    search.calibrate(over_segments[0])
-    if finer is not None:
-        over_segments = _fine_enough(search, over_segments, most, finer)
-    paths = calibrated_paths(search, over_segments)
-    steps: dict[int, Step] = {}
-    for step in (step for path in paths for step in path):
-        n = step.n_motions
-        if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
-            steps[n] = step
-
-    def best_into(n_motions, *others):
-        starts = _of_number(search, n_motions, paths, candidates, bisect)
-        (best,) = search.run(_best_improved(search, starts, bisect, others))
-        is_open = best is not None and fewest < most
-        return _judged_by_longer_windows(search, best) if is_open else best
-
-    chosen = max(_n_apart(path, fewest, most) for path in paths)
-    while True:
-        found = best_into(chosen)
-        if found is None:
-            return None
-        steps[chosen] = found
-        if chosen == fewest or found.log_odds > 0:
-            break
-        chosen -= 1
-    tried = chosen
-    while tried < min(chosen + LOOKAHEAD, most):
-        (grown,) = search.run(_split_best(search, steps[tried], bisect))
-        if grown is None or grown.log_odds < HOPELESS:
-            break
-        tried += 1
-        steps[tried] = found = best_into(tried, grown)
-        if found.log_odds > 0:
-            chosen = tried
-        elif found.log_odds < HOPELESS:
-            break
-    return RigidPartitions(steps, chosen)
-
-
-def _fine_enough(search, over_segments, most, finer):
-    """Over-segments that mix no motions, and the search calibrated by them."""
-    while search.noise > ROUGH:
-        noise, n_groups = search.noise, int(over_segments[0].max()) + 1
-        more = finer(2 * n_groups) if n_groups < most else []
-        if not more or more[0].max() < n_groups:
-            break
-        search.restart(more[0])
-        if search.noise > LESS_ROUGH * noise:
-            search.restart(over_segments[0])
-            break
-        over_segments = more
-    return over_segments
-
-
-def calibrated_paths(search, over_segments):
-    """Descents from over-segments to one group, seen by a calibrated camera.
-
-    Over-segments are small and nearly flat, so they tell little of the focal length;
-    with a wrong one, a scene is not quite one rigid motion, and is torn where it is
-    large. So it is looked at again when the first of them are merged, and if it has
-    changed, they are merged once more.
-
-    Parameters
-    ----------
-    search : RigidSearch
-        Calibrated by the first of them.
-    over_segments : list of ndarray of int, shape (n,)
-
-    Returns
-    -------
-    list of list of Step
-    """
-    first, *others = over_segments
-    (path,) = _descents(search, [first])
-    last = _last_apart(path)
-    if search.calibrate(last.labels, FOCAL_STEPS[:2], last.motions):
-        return _descents(search, over_segments)
-    return [path, *_descents(search, others)]
-
-
-def _descents(search, over_segments):
-    return search.run(*(search.descent(some, 1) for some in over_segments))
-
-
-def _last_apart(path):
-    """The step of a path with the most groups that are all apart; else its last.
-
-    By their distance, which rather leaves a motion in parts than mixes two.
-    """
-    return next((step for step in path if step.distance > 0), path[-1])
-
-
-def rank(step):
-    """What a partition costs when partitions into as many are compared: nats per track.
-
-    One motion is not likely to explain two that are true, as it explains halves of a
-    background, whatever these save.
-    """
-    odds = min(max(step.log_odds, -SURE), SURE)
-    return step.energy / len(step.labels) - NATS_OF_ODDS * odds
-
-
-def _nats_of_labels(labels, n_groups):
-    """Nats (M,) that each label tells, given the sizes of the groups."""
-    sizes = np.maximum(np.bincount(labels, minlength=n_groups), 1)
-    return np.log(len(labels) / sizes)
-
-
-def _n_apart(path, fewest, most):
-    """The largest number of groups on a path that are all apart."""
-    apart = (step.n_motions for step in path if step.log_odds > 0)
-    return max((n for n in apart if fewest <= n <= most), default=fewest)
-
-
-def _once_per_group(bisect):
-    """The same function, remembering what it returned."""
-    known = {}
-
-    def remembered(group):
-        key = group.tobytes()
-        if key not in known:
-            known[key] = bisect(group)
-        return known[key]
-
-    return remembered
-
-
-def _of_number(search, n_motions, paths, candidates, bisect):
-    """Searches for partitions into so many motions, from several starts."""
-    settled = [
-        search.settled(step.labels, step.motions, ROUNDS)
-        for path in paths
-        for step in path
-        if step.n_motions == n_motions
-    ]
-    settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
-    searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
-    return searches + [
-        _apart_and_split(search, path, n_motions, bisect) for path in paths
-    ]
-
-
-def _best_improved(search, searches, bisect, others=()):
-    """The best of some steps and those that are found, improved."""
-    best = yield from _best(searches, others)
-    return None if best is None else (yield from _improved(search, best, bisect))
-
-
-def _best(searches, others=()):
-    """The best of some steps and those that are found; None if there are none."""
-    found = yield from side_by_side(searches)
-    steps = [*others, *(each for each in found if each is not None)]
-    return min(steps, key=rank, default=None)
-
-
-def _step_of(search, settled, accepted):
-    """The step of a partition that is settled, if its number of motions is accepted."""
-    step = yield from settled
-    return (yield from with_odds(search, step)) if accepted(step.n_motions) else None
-
-
-def _apart_and_split(search, path, n_motions, bisect):
-    """The last groups of a path that are all apart, split to as many as are wanted."""
-    apart = [step for step in path if step.log_odds > 0 and step.n_motions < n_motions]
-    step = apart[0] if apart else None
-    while step is not None and step.n_motions < n_motions:
-        step = yield from _split_best(search, step, bisect)
-    return step
-
-
-def _improved(search, best, bisect):
-    """A better partition: a group is split, and two others merged."""
-    for _ in range(MOST_CHANGES):
-        changed = _splits(search, best, bisect)
-        better = yield from _best(_merged(search, some, best) for some in changed)
-        if better is None or not rank(better) < rank(best):
-            break
-        best = better
-    return best
-
-
-def _merged(search, labels, best):
-    """The step at the end of a descent to as many motions, if it may be better."""
-    step = (yield from search.descent(labels, best.n_motions))[-1]
-    if step.n_motions == best.n_motions and rank(step) < rank(best):
-        return (yield from with_odds(search, step))
-    return None
-
-
-def _split_best(search, step, bisect):
-    """The best partition with one group more; None if none can be parted."""
-    return _best(
-        _step_of(search, search.settled(some), lambda n: n > step.n_motions)
-        for some in _splits(search, step, bisect)
-    )
-
-
-def _splits(search, step, bisect):
-    """Partitions with one group more: halves of the graph, and what is unexplained."""
-    yield from split(step.labels, bisect)
-    yield from search.unexplained(step.labels, step.motions)
-
-
-def _judged_by_longer_windows(search, step):
-    """A step with the two groups that are least apart, and log odds, by longer windows.
-
-    With its own motions, and as it is where there are no such windows.
-    """
-    judge = search.over_longer_windows() if step.n_motions > 1 else None
-    if judge is None:
-        return step
-    (judged,) = judge.run(_judged(judge, step))
-    return judged
-
-
-def _judged(judge, step):
-    """Search for what other windows say of a step; itself where they do not tell.
-
-    The focal length is chosen once more: where it is wrong, what turns is torn, the
-    more the longer it is watched.
-    """
-    motions = yield from judge.motions(step.labels)
-    if not _all_known(step.labels, motions):
-        return step
-    if judge.calibrate(step.labels, FOCAL_STEPS[:2], motions):
-        motions = yield from judge.motions(step.labels)
-    (i, j), least = yield from judge.least_apart(step.labels, motions)
-    return _with_odds_of(step, i, j, least)
-
-
-def _all_known(labels, motions):
-    """Whether motions say something of most tracks of each group."""
-    return all(
-        2 * np.count_nonzero(motion.known[group]) > len(group)
-        for group, motion in zip(groups_of(labels), motions, strict=True)
-    )
-
-
-def with_odds(search, step):
-    """Search for the two groups of a step that are least apart: the step with them."""
-    if step.n_motions == 1:
-        return step
-    (i, j), least = yield from search.least_apart(step.labels, step.motions)
-    return _with_odds_of(step, i, j, least)

@@ -21,7 +21,8 @@ from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
 from .local_search import merged, moved, refine, split
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
-from .rigid_search import NATS_OF_LINKS, RigidSearch, rigid_partitions
+from .rigid_partitions import rigid_partitions
+from .rigid_search import NATS_OF_LINKS, RigidSearch
 from .two_view_partitions import (
     TWO_VIEW_COST_NAMES,
     TwoViewExplanation,
@@ -118,9 +119,10 @@ def search_partitions(
 
     Candidates are spectral clusterings for several sparsities and over-segmentations
     that are merged step by step. Where tracks are seen in several frames, the judge is
-    rigid motion over windows of frames (see :mod:`.rigid_search`), and where outliers
-    are many, motions are searched again without them; of few or short tracks, it is
-    fundamental matrices of frame pairs and the cut of the graph (see :mod:`.cost`).
+    rigid motion over windows of frames (see :mod:`.rigid_partitions`), and where
+    outliers are many, motions are searched again without them; of few or short tracks,
+    it is fundamental matrices of frame pairs and the cut of the graph (see
+    :mod:`.cost`).
     Between two images, where most tracks may be mismatches, motions are searched for
     one by one, without the graph (see :mod:`.two_view_search`).
 
