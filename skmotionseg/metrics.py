@@ -112,8 +112,9 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
 
     Raises
     ------
-    ValueError
-        If there is no scorer of that name.
+    TypeError, ValueError
+        If it is neither, there is no scorer of that name, or it depends on the numbers
+        of the labels, as "accuracy" does.
 
     Examples
     --------
@@ -136,9 +137,33 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
     ... ).shape
     (2,)
     """
-    if isinstance(scoring, str):
-        get_scorer(scoring)  # raises, before any work, if there is none
+    _check_scoring(scoring)
     return partial(_score_sequences, scoring)
+
+
+def _check_scoring(scoring):
+    """Refuse, before any work, what is no score of labels as a partition."""
+    if hasattr(scoring, "_score_func") or not (
+        isinstance(scoring, str) or callable(scoring)
+    ):
+        raise TypeError(
+            "sequence_scorer takes the name of a scorer, or a function of true and "
+            f"found labels; got {scoring!r}"
+        )
+    if not isinstance(scoring, str):
+        return
+    get_scorer(scoring)  # raises if there is none
+    true = np.arange(20) % 2
+    try:
+        same, swapped = (_score_by_name(scoring, true, y) for y in (true, 1 - true))
+    except Exception as error:
+        raise ValueError(f"{scoring!r} is no scorer of labels: {error}") from error
+    if same != swapped:
+        raise ValueError(
+            f"{scoring!r} depends on the numbers of the labels, which are arbitrary: "
+            "take one of partitions, such as 'adjusted_rand_score', or the score of "
+            "PerSequence itself"
+        )
 
 
 def _score_sequences(scoring, estimator, X, y):
@@ -544,4 +569,8 @@ def _contingency(y_true, y_pred):
 
 def _n_motions(labels):
     labels = np.asarray(labels)
-    return int(labels) if labels.ndim == 0 else len(np.unique(labels[labels >= 0]))
+    if labels.ndim > 0:
+        return len(np.unique(labels[labels >= 0]))
+    if labels.dtype.kind not in "iuf" or labels != np.floor(labels):
+        raise ValueError(f"a number of motions must be a whole number; got {labels}")
+    return int(labels)

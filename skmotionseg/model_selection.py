@@ -25,7 +25,11 @@ from ._core.graph.spectral import ViewGraph
 from ._core.labels import canonical_labels
 from ._parallel.engine import thread_map
 from ._parallel.threads import single_threaded
-from ._utils.validation import check_n_groups, read_affinities
+from ._utils.validation import (
+    check_estimator_parameters,
+    check_n_groups,
+    read_affinities,
+)
 from .cluster import AffinityInput, MultiModelSpectralClustering
 
 Fusing: TypeAlias = str | Callable[..., npt.ArrayLike]
@@ -112,6 +116,7 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
             If ``X`` is not made of such blocks, or ``min_clusters`` exceeds
             ``max_clusters`` or the rows that have an affinity to another.
         """
+        check_estimator_parameters(self.clusterer)
         fewest, most = self._range_of_counts()
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(

@@ -14,6 +14,7 @@ from sklearn.utils import check_random_state
 
 from ._core.geometry.motion_models import MotionModel
 from ._segmenter.views import ALL_MODELS, check_models, make_view, view_seeds
+from ._utils.validation import check_cacheable
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
@@ -167,7 +168,7 @@ def make_motion_pipeline(
         :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
         :term:`Glossary <n_jobs>` for more details.
     random_state : int, RandomState instance or None
-        Seeds every step.
+        Seeds every step; with None, each fit draws other hypotheses.
 
     Returns
     -------
@@ -216,7 +217,10 @@ def make_motion_pipeline(
 def _make_views(models, random_state, memory, given):
     """Pipelines of sampler and kernel by model, and the seed of what clusters them."""
     records = check_models(models)
+    check_cacheable(memory, 0 if random_state is not None else None, "random_state")
     seeds = view_seeds(check_random_state(random_state), records)
+    if random_state is None:
+        seeds = dict.fromkeys(seeds)
     views = [
         (model.name, _view_pipeline(model, seeds[model.name], memory, given))
         for model in records

@@ -134,6 +134,7 @@ default="homography"
             self.n_hypotheses,
             check_random_state(self.random_state),
         )
+        self._model = model
         self._centres, self._scale = working_coordinates(points, visibility)
         return self
 
@@ -227,8 +228,13 @@ default="homography"
 
     @property
     def _residual_arguments(self):
-        model = get_motion_model(self.model)
-        return self.frame_pairs_, self.hypotheses_, model, self._centres, self._scale
+        return (
+            self.frame_pairs_,
+            self.hypotheses_,
+            self._model,
+            self._centres,
+            self._scale,
+        )
 
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()

@@ -55,7 +55,12 @@ from ._segmenter.views import (
     place_tracks,
     view_seeds,
 )
-from ._utils.validation import TooFewTracksError, TracksInput, check_cacheable
+from ._utils.validation import (
+    TooFewTracksError,
+    TracksInput,
+    check_cacheable,
+    check_estimator_parameters,
+)
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
@@ -479,8 +484,8 @@ estimator, default="description_length"
         """Refuse parameters that do not go together; give the motion models."""
         models = check_models(self.models)
         check_fusion(self.fusion)
-        if self.kernel is not None:
-            self.kernel._validate_params()
+        for own in (self.kernel, self.selection):
+            check_estimator_parameters(own)
         if self.n_motions == "auto" and self.min_motions > self.max_motions:
             raise ValueError(
                 "min_motions must not exceed max_motions; got "
@@ -733,7 +738,7 @@ estimator, default="description_length"
         Raises
         ------
         NotFittedError, ValueError
-            If the segmenter is not fitted, or fitted to another number of tracks.
+            If the segmenter is not fitted, or fitted to other tracks.
 
         Notes
         -----
@@ -770,8 +775,25 @@ estimator, default="description_length"
         check_is_fitted(self)
         tracks = self._read_tracks(X, reset=False)
         if hasattr(self, "windows_"):
+            self._check_fitted_to(self._digests_of_long(tracks))
             return report_of_windows(self, LongClip(tracks, self.frame_gap + 1))
-        return make_report(self, *unpack_tracks(tracks))
+        points, visibility = unpack_tracks(tracks)
+        self._check_fitted_to(_digests(points[:, self._frames]))
+        return make_report(self, points, visibility)
+
+    def _check_fitted_to(self, digests):
+        """Refuse tracks that are not those of the fit, in their order."""
+        n_tracks = len(self.labels_)
+        if len(digests) != n_tracks:
+            raise ValueError(
+                f"a report needs the {n_tracks} tracks that were fitted; got "
+                f"{len(digests)}"
+            )
+        if [*dict.fromkeys(digests)] != [*self._known]:  # a track may come twice
+            raise ValueError(
+                "a report needs the tracks that were fitted, in their order; these are "
+                "others, or in another order"
+            )
 
 
 class _Stopwatch:

@@ -17,6 +17,7 @@ from sklearn.base import BaseEstimator, _fit_context, clone
 from sklearn.utils._param_validation import HasMethods
 from sklearn.utils.validation import check_is_fitted
 
+from ._core.geometry.tracks import as_array
 from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
@@ -119,8 +120,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """
         _refuse_scorers_of_tracks()
         sequences = self._read_sequences(X, reset=True)
-        seed = self.estimator.get_params().get("random_state", 0)
-        check_cacheable(self.memory, seed, "random_state of the estimator")
+        check_cacheable(self.memory, *_seed_of(self.estimator))
         if y is not None:
             self._read_labels(y, sequences)
         return self
@@ -129,7 +129,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """Check sequences and list them as arrays."""
         if issparse(X):
             raise TypeError("sparse data is not supported; give a list of track arrays")
-        sequences = [np.asarray(x) for x in X] if _is_listlike(X) else []
+        sequences = [_as_matrix(x) for x in X] if _is_listlike(X) else []
         if not sequences:
             raise ValueError(
                 "X must be a list of track arrays, one per sequence; got "
@@ -181,7 +181,8 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """
         check_is_fitted(self)
         _refuse_scorers_of_tracks()
-        memory = as_memory(self.memory)
+        seed, _ = _seed_of(self.estimator)
+        memory = as_memory(self.memory if isinstance(seed, Integral) else None)
         return run_tasks(
             (
                 Task(f"segmenting sequence {i}", _recall, memory, self.estimator, x)
@@ -209,6 +210,20 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         return 1 - float(np.mean(list(errors)))
 
 
+def _seed_of(estimator):
+    """The seed on which labels depend, and its name.
+
+    Of a pipeline any seed of a step: with one, there is one for all that is random.
+    """
+    params = estimator.get_params()
+    names = [name for name in params if name.rpartition("__")[2] == "random_state"]
+    if "random_state" in names or not names:
+        return params.get("random_state", 0), "random_state of the estimator"
+    known = (name for name in names if isinstance(params[name], Integral))
+    name = next(known, names[0])
+    return params[name], f"{name} of the estimator"
+
+
 def _recall(memory, estimator, X):
     """Labels from memory, or else put there."""
     # Where joblib maps arrays into memory for its workers, they are hashed as others.
@@ -231,6 +246,12 @@ def _refuse_scorers_of_tracks():
     """
     for scorer in _scorers_of_callers():
         score = getattr(scorer, "_score_func", None)
+        if score is misclassification_error:
+            raise ValueError(
+                "misclassification_error compares label arrays, and each sample of "
+                "PerSequence is a sequence; use no scoring: one minus the mean error "
+                "is the score of PerSequence"
+            )
         if score is not None and score.__module__.startswith("sklearn."):
             raise ValueError(
                 f"{score.__name__} compares label arrays, and each sample of "
@@ -250,6 +271,14 @@ def _scorers_of_callers():
                 found = frame.f_locals.get(name)
                 yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
+
+
+def _as_matrix(x):
+    """An array, NaN where a masked one is masked."""
+    array = as_array(x)
+    if np.ma.isMaskedArray(array) and array.dtype.kind in "fiu":
+        array = np.ma.filled(array.astype(float), np.nan)
+    return np.asarray(array)
 
 
 def _is_listlike(X):

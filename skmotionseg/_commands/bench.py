@@ -29,6 +29,8 @@ RESUME_HELP = (
     "that are in it already, with the same tracks, method, parameters, seed and code "
     "of this package, are not repeated"
 )
+# Exponents of the epsilon-neighbourhood that the authors sweep, the first and the last.
+EXPONENTS = (5, 15)
 
 
 def add_bench(commands):
@@ -86,7 +88,6 @@ def _add_paper(bench):
         "--exponents",
         type=count,
         nargs=2,
-        default=(5, 15),
         metavar=("FIRST", "LAST"),
         help="exponents of the epsilon-neighbourhood that --paper sweeps (default: 5 "
         "15)",
@@ -106,6 +107,8 @@ def _run_bench(arguments):
     if arguments.paper:
         _run_paper(arguments, console, journal)
         return
+    if arguments.exponents is not None:
+        raise ValueError("--exponents is for --paper")
     methods = list(dict.fromkeys(arguments.methods or METHODS))
     sequences = find_sequences(arguments.data, arguments.datasets, arguments.every)
     batches = run(sequences, methods, arguments.seeds, arguments.jobs, journal)
@@ -121,7 +124,7 @@ def _run_paper(arguments, console, journal):
 
     if arguments.methods is not None:
         raise ValueError("--paper has its own methods; omit --methods")
-    first, last = arguments.exponents
+    first, last = arguments.exponents or EXPONENTS
     if first > last:
         raise ValueError(f"--exponents must be in ascending order; got {first} {last}")
     datasets = arguments.datasets or datasets_in(arguments.data, DELTAS)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .._utils.png import encode_grey, encode_labels
-from .._utils.writing import check_folder_of, check_output, replacing
+from .._utils.writing import check_output, check_output_folder, replacing
 from .console import timed_stage
 
 # Options whose outputs are of things that move, in the frames of a video.
@@ -58,9 +58,7 @@ def check_mask_options(arguments, video):
             f"{arguments.file} is neither"
         )
     for folder in (arguments.masks, arguments.static_masks):
-        check_folder_of(folder)
-        if folder is not None and folder.exists() and not folder.is_dir():
-            raise ValueError(f"{folder} is not a folder that masks could be written to")
+        check_output_folder(folder)
     check_output(arguments.prompts, (".json",))
     check_output(arguments.viewer, (".html",))
 

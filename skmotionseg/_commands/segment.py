@@ -12,7 +12,7 @@ from sklearn.utils import Bunch
 
 from .._segmenter.long_clips import LONG_CLIP
 from .._utils.optional import require
-from .._utils.writing import check_apart, check_folder_of, check_output
+from .._utils.writing import check_apart, check_output, check_output_folder
 from ..video._frames import PICTURE_ENDINGS, is_video
 from .console import PICTURES, count, progress_console
 from .findings import print_findings
@@ -174,7 +174,7 @@ def _segment_video(run):
     arguments, segmenter, _, progress, started = run
     frames = open_video(arguments)
     check_mask_names(arguments, frames)
-    _check_length(arguments, expected_length(arguments, frames))
+    _check_length(arguments, expected_length(arguments, frames), video=True)
     if not goes_in_blocks(arguments, frames):
         tracks, size = track_at_once(arguments, frames, progress)
     else:
@@ -194,7 +194,8 @@ def _segment_video(run):
 def _segment_tracks(run, sequence):
     """Segment tracks that are in memory; draw, write and print what is found."""
     arguments, segmenter, console, progress, started = run
-    _check_length(arguments, sequence.data.shape[1] // 2)
+    n_frames, video = sequence.data.shape[1] // 2, is_video(arguments.file)
+    _check_length(arguments, n_frames, video)
     with progress.status("segmenting ..."):
         segmenter.fit(sequence.data)
     sequence.seconds |= segmenter.stage_seconds_
@@ -221,22 +222,31 @@ def _split(arguments, sequence, labels, console):
 def _check_options(arguments, video):
     """Refuse options that do not go together, and files that cannot be written."""
     check_output(arguments.out, LABEL_ENDINGS)
-    check_folder_of(arguments.split_dir)
+    check_output_folder(arguments.split_dir)
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
     check_output(arguments.report, PICTURES)
     check_mask_options(arguments, video)
     check_method_options(arguments, video)
-    check_folder_of(arguments.resume)
+    check_output_folder(arguments.resume)
     check_apart(
         arguments.file, {option_name(n): getattr(arguments, n) for n in OUTPUTS}
     )
     _check_pictures(arguments)
-    if arguments.resume is not None and not video:
-        raise ValueError(
-            f"--resume is for videos; {arguments.file} is a file of tracks"
-        )
+    if not video:
+        _check_no_video_options(arguments)
     if arguments.confidence and arguments.out is None:
         raise ValueError("--confidence is written with the labels: add --out FILE")
+
+
+def _check_no_video_options(arguments):
+    """Refuse options on how videos are tracked, where tracks are given."""
+    options = {**VIDEO_OPTIONS, "--no-window": {"default": False}}
+    for option, settings in options.items():
+        given = getattr(arguments, option.removeprefix("--").replace("-", "_"))
+        if given != settings.get("default"):
+            raise ValueError(
+                f"{option} is for videos; {arguments.file} is a file of tracks"
+            )
 
 
 def _check_pictures(arguments):
@@ -252,12 +262,12 @@ def _check_pictures(arguments):
             )
 
 
-def _check_length(arguments, n_frames):
+def _check_length(arguments, n_frames, video):
     """Refuse a report of a clip that is taken in windows, if its length is known."""
     if arguments.report is not None and n_frames and n_frames > LONG_CLIP:
         raise ValueError(
             f"--report is for clips of up to {LONG_CLIP} frames; {arguments.file} has "
-            f"{n_frames} (--max-frames takes the first)"
+            f"{n_frames}" + (" (--max-frames takes the first)" if video else "")
         )
 
 

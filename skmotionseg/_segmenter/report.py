@@ -206,14 +206,8 @@ def make_report(segmenter, points, visibility):
     Returns
     -------
     SegmentationReport
-
-    Raises
-    ------
-    ValueError
-        If it was fitted to another number of tracks.
     """
     labels, landmarks = segmenter.labels_, segmenter.landmarks_
-    _check_fitted(len(points), len(labels))
     fitted = np.ix_(landmarks, segmenter._frames)
     geometry = clip_geometry(points[fitted], visibility[fitted])
     return SegmentationReport(
@@ -242,14 +236,8 @@ def report_of_windows(segmenter, clip):
     Returns
     -------
     SegmentationReport
-
-    Raises
-    ------
-    ValueError
-        If it was fitted to another number of tracks.
     """
     labels, n_motions = segmenter.labels_, segmenter.n_motions_
-    _check_fitted(clip.n_tracks, len(labels))
     frames = np.zeros((n_motions, clip.n_frames), dtype=bool)
     chosen: list[list[ModelChoice]] = [[] for _ in range(n_motions)]
     judged = np.zeros(len(labels), dtype=bool)
@@ -281,13 +269,6 @@ def report_of_windows(segmenter, clip):
         ),
         **_of_tracks(segmenter),
     )
-
-
-def _check_fitted(n_tracks, n_fitted):
-    if n_tracks != n_fitted:
-        raise ValueError(
-            f"a report needs the {n_fitted} tracks that were fitted; got {n_tracks}"
-        )
 
 
 def _of_tracks(segmenter):

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator, clone
 from .._core.graph.cuts import own_shares
 from .._core.labels import canonical_labels
 from .._core.partition.search import PartitionSearch
+from .._utils.validation import check_label_each
 from ..model_selection import (
     EigengapModelSelector,
     NCREModelSelector,
@@ -72,9 +73,18 @@ def select_by_graph(selector: Any, views: np.ndarray) -> PartitionSearch:
     Returns
     -------
     PartitionSearch
+
+    Raises
+    ------
+    ValueError
+        If its labels are not whole numbers, one per track, or none is of a motion.
     """
     selector.fit(np.hstack(list(views)))
-    labels = canonical_labels(selector.labels_)
+    name = type(selector).__name__
+    labels = check_label_each(selector.labels_, views.shape[1], f"labels_ of {name}")
+    if not (labels >= 0).any():
+        raise ValueError(f"{name} found no motion: all its labels are negative")
+    labels = canonical_labels(labels)
     alone = np.array([labels.max() + 1]), np.full((1, 3), np.nan), labels[None], 0
     names = ("counts_", "costs_", "candidate_labels_", "best_index_")
     complete = all(hasattr(selector, name) for name in names)

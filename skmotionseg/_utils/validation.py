@@ -14,6 +14,8 @@ OF_A_FOLD = (
     "the rows of a fold are no stacked affinities: cross-validate tracks, with "
     "make_motion_pipeline, or use one split of all rows"
 )
+# Pixels beyond which a number is no place in an image.
+FARTHEST = 1e12
 
 
 class TooFewTracksError(ValueError):
@@ -58,6 +60,7 @@ class TracksInput:
                 "tracks need two columns per frame and at least two frames; "
                 f"got {X.shape[1]} columns{one_frame}"
             )
+        check_farthest(X)
         return X
 
     def __sklearn_tags__(self):
@@ -79,6 +82,36 @@ def _check_packed(X):
         )
     if len(shape) == 2 and shape[0] == 0 and shape[1] > 0:
         raise ValueError(f"there are no tracks: X has 0 samples, shape={tuple(shape)}")
+
+
+def check_farthest(points):
+    """Refuse numbers that are no pixels, and of which products overflow."""
+    farthest = max(
+        np.fmax.reduce(points, axis=None, initial=0),
+        -np.fmin.reduce(points, axis=None, initial=0),
+    )
+    if farthest > FARTHEST:
+        raise ValueError(
+            f"tracks must be in pixels, of up to {FARTHEST:.0e}; got {farthest:.3g}"
+        )
+
+
+def check_estimator_parameters(estimator):
+    """Refuse bad parameters of an estimator, and of those that it holds.
+
+    Parameters
+    ----------
+    estimator : object
+        What has no check of its own, as estimators of others may, is left alone.
+
+    Raises
+    ------
+    InvalidParameterError
+    """
+    inner = estimator.get_params() if hasattr(estimator, "get_params") else {}
+    for each in (estimator, *inner.values()):
+        if hasattr(each, "_parameter_constraints"):
+            each._validate_params()
 
 
 def as_memory(memory):

@@ -69,6 +69,13 @@ def check_folder_of(path):
         raise PermissionError(f"{folder} may not be written to (permission denied)")
 
 
+def check_output_folder(folder):
+    """Refuse a folder that could not be made or written to; None will do."""
+    check_folder_of(folder)
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise ValueError(f"{folder} is not a folder that could be written to")
+
+
 @contextmanager
 def replacing(path):
     """A binary file beside the target, put in its place once it is whole."""

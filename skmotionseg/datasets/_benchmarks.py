@@ -26,7 +26,7 @@ _LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` per sequence.
     Raises
     ------
     FileNotFoundError
-        If there is no such file in the folder.
+        If there is no such folder, or no such file in it.
 
     Notes
     -----
@@ -41,16 +41,24 @@ _LOADER_DOC = """Read {title}, one :class:`~sklearn.utils.Bunch` per sequence.
     >>> from skmotionseg.datasets import {name}
     >>> {name}("nowhere")
     Traceback (most recent call last):
-    FileNotFoundError: no file {pattern} in nowhere
+    FileNotFoundError: no folder nowhere
     """
 
 
-def _read_folder(folder, pattern, suffix):
+def _read_folder(folder, pattern, suffix, n_frames=None):
+    if not Path(folder).is_dir():
+        raise FileNotFoundError(f"no folder {folder}")
     paths = sorted(Path(folder).glob(pattern))
     if not paths:
         raise FileNotFoundError(f"no file {pattern} in {folder}")
     sequences = [load_tracks(path) for path in paths]
     for sequence in sequences:
+        found = sequence.data.shape[1] // 2
+        if n_frames not in (None, found):
+            raise ValueError(
+                f"{sequence.name} has {found} frames, where {n_frames} are expected: "
+                "it is of another benchmark"
+            )
         sequence.name = sequence.name.removesuffix(suffix)
         if sequence.target is not None:
             sequence.target = _from_zero(sequence.target)
@@ -71,9 +79,10 @@ def _loader(
     layout: str,
     reference: str,
     published: str,
+    n_frames: int | None = None,
 ) -> Callable[[str | os.PathLike[str]], list[Bunch]]:
     def load(folder: str | os.PathLike[str]) -> list[Bunch]:
-        return _read_folder(folder, pattern, suffix)
+        return _read_folder(folder, pattern, suffix, n_frames)
 
     load.__name__ = load.__qualname__ = name
     load.__doc__ = _LOADER_DOC.format(
@@ -130,6 +139,7 @@ load_adelaide = _loader(
     "       https://doi.org/10.1109/ICCV.2011.6126350",
     "Their authors publish them; those\n"
     "    of fundamental matrices are motions, those of homographies are planes.",
+    n_frames=2,
 )
 load_arrigoni = _loader(
     "load_arrigoni",

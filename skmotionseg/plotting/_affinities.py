@@ -21,6 +21,7 @@ from ._drawing import (
     count_motions,
     last_step,
     read_stacked,
+    refuse_windows,
     require_pyplot,
 )
 
@@ -141,6 +142,7 @@ class AffinityDisplay:
         """
         require_pyplot()
         last = last_step(estimator)
+        refuse_windows(last)
         if len(X) != len(last.labels_):
             raise ValueError(
                 f"the estimator was fitted to {len(last.labels_)} rows; got {len(X)}"

@@ -21,6 +21,7 @@ from ._drawing import (
     last_step,
     legend_below,
     read_stacked,
+    refuse_windows,
     require_pyplot,
 )
 
@@ -124,6 +125,7 @@ class CountDisplay:
         """
         require_pyplot()
         last = last_step(estimator)
+        refuse_windows(last)
         if not hasattr(last, "costs_"):
             raise ValueError(
                 f"{type(last).__name__} does not compare numbers of motions; give an "

@@ -57,6 +57,20 @@ def last_step(estimator: BaseEstimator) -> Any:
     return estimator[-1] if isinstance(estimator, Pipeline) else estimator
 
 
+def refuse_windows(segmenter: Any) -> None:
+    """Refuse a clip that was segmented in windows: there are no costs of all of it.
+
+    Raises
+    ------
+    ValueError
+    """
+    if hasattr(segmenter, "windows_"):
+        raise ValueError(
+            "a clip of more than 100 frames is segmented in windows, which have no "
+            "costs and affinities in common; draw it by MotionDisplay, or a part of it"
+        )
+
+
 def check_names(
     names: Sequence[str] | None, count: int, what: str, default: Any
 ) -> list[str]:

@@ -9,7 +9,7 @@ from sklearn.base import BaseEstimator
 
 from .._segmenter.report import pixels
 from ._counts import CountDisplay
-from ._drawing import last_step, legend_below, require_pyplot
+from ._drawing import last_step, legend_below, refuse_windows, require_pyplot
 from ._tracks import MotionDisplay
 
 if TYPE_CHECKING:
@@ -114,6 +114,7 @@ class ReportDisplay:
         """
         require_pyplot()
         last = last_step(segmenter)
+        refuse_windows(last)
         if not hasattr(last, "report"):
             raise ValueError(
                 f"{type(last).__name__} gives no report; give a MotionSegmenter"

@@ -230,3 +230,33 @@ def test_what_one_window_but_no_frame_shows_together_is_told_by_links():
     visibility[second[:FEWEST_TRACKS], :14] = True
     judge = search_of((points, visibility, affinity, y)).over_longer_windows()
     assert not judge.comparisons._at_other_times(first, second)
+
+
+def drives_off(rng, begins, n_frames=30):
+    """What stands still before a still camera, and a part that drives off."""
+    points, _, affinity, y = before_a_still_camera(rng, n_frames=n_frames)
+    moved = np.maximum(np.arange(n_frames) - begins, 0) - np.arange(n_frames)
+    points[y == 1, :, 0] += 3 * moved
+    return points, np.ones(points.shape[:2], dtype=bool), affinity, y
+
+
+@pytest.mark.parametrize("begins", [0, 10, 20])
+def test_what_drives_off_late_is_apart(begins):
+    scene = drives_off(np.random.RandomState(0), begins)
+    y, search = scene[-1], search_of(scene)
+    search.calibrate(y)
+    motions = done(search, search.motions(y))
+    _, found = done(search, search.comparisons.least_apart(y, motions))
+    assert found.far > 0.3
+    assert found.log_odds > 1
+
+
+def test_halves_of_what_rests_are_one():
+    points, _, _, y = drives_off(np.random.RandomState(0), 20)
+    points, halves = points[y == 0], np.arange(np.count_nonzero(y == 0)) % 2
+    seen = np.ones(points.shape[:2], dtype=bool)
+    search = search_of((points, seen, np.ones((len(halves),) * 2), halves))
+    search.calibrate(halves)
+    motions = done(search, search.motions(halves))
+    _, found = done(search, search.comparisons.least_apart(halves, motions))
+    assert found.log_odds < -3

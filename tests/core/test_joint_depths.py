@@ -26,3 +26,15 @@ def test_what_is_at_infinity_is_told_from_what_is_near():
     assert infinitely_far([unseen, far], errors) == 0
     same = [np.zeros((9, 2))] * 2
     assert infinitely_far(same, [np.ones((9, 2))] * 2) == 0
+
+
+def test_windows_in_which_both_are_at_infinity_tell_nothing():
+    rng = np.random.RandomState(0)
+    depths = [rng.normal(mean, 0.1, (50, 1)) for mean in (1.0, 0.0)]
+    still = [np.hstack([side, rng.normal(0.0, 0.1, (50, 4))]) for side in depths]
+    once, often = (
+        infinitely_far(sides, [np.full_like(side, 0.1) for side in sides])
+        for sides in (depths, still)
+    )
+    assert once > 0.5
+    assert often == once

@@ -14,6 +14,7 @@ from skmotionseg._core.geometry.windows import (
     WINDOW_FRAMES,
     FitRequest,
     Windows,
+    reaching_frames,
     spread_window_frames,
     window_frames,
 )
@@ -47,6 +48,44 @@ def test_frames_are_as_far_apart_as_a_clip_allows(n_frames, stride):
 def test_frames_are_as_far_apart_as_tracks_allow():
     visibility = np.arange(60) < np.full((5, 1), 12)  # five steps of two, not of three
     assert (np.diff(window_frames(visibility), axis=1) == 2).all()
+
+
+@pytest.mark.parametrize("first, last", [(10, 19), (13, 16), (3, 5), (26, 29)])
+@pytest.mark.parametrize("n_brief, linked", [(5, False), (4, False), (5, True)])
+def test_windows_reach_what_is_seen_briefly(first, last, n_brief, linked):
+    """Unless it is too few to be a motion, or its tracks are linked to others."""
+    visibility = np.ones((40, 30), dtype=bool)
+    visibility[:n_brief] = False
+    visibility[:n_brief, first : last + 1] = True
+    brief = np.arange(40) < n_brief
+    affinity = np.where(brief[:, None] == brief, 1.0, 0.01) + np.eye(40)
+    if linked:
+        affinity[:n_brief, n_brief:] = affinity[n_brief:, :n_brief] = 1
+    usual = window_frames(visibility)
+    frames = reaching_frames(visibility, affinity)
+    assert_array_equal(frames[: len(usual)], usual)
+    times = [visibility[0, some].sum() for some in frames]
+    was_missed = max(times[: len(usual)]) < 3
+    if n_brief == 5 and not linked:
+        assert max(times) >= 3
+        assert len(frames) - len(usual) == was_missed
+    else:
+        assert len(frames) == len(usual)
+
+
+def test_what_wanders_is_told_from_what_rests():
+    rng = np.random.RandomState(0)
+    points = rng.uniform(0, 640, size=(40, 1, 2)) + np.zeros((12, 1))
+    points[20:, 6:, 0] += 3 * np.arange(6)
+    points += 0.1 * rng.standard_normal(points.shape)
+    windows = Windows(points, np.ones((40, 12), dtype=bool))
+    pixels = windows.size * windows.focal_length
+    rests, moves = (windows.wanders(np.arange(20) + k) * pixels for k in (0, 20))
+    assert 0.05 < rests < 0.15
+    plain = points[20:, windows.frames[-1]]
+    plain = np.sqrt(plain.var(axis=1).mean(axis=1))
+    assert moves == pytest.approx(np.median(plain))
+    assert windows.wanders(np.arange(4)) == 0  # too few
 
 
 @pytest.mark.parametrize(

@@ -525,3 +525,76 @@ def test_a_fusion_of_another_shape_is_refused():
     clustering = MultiModelSpectralClustering(fusion=lambda views, n: views[:, :, :1])
     with pytest.raises(ValueError, match=r"a fusion must give .*\(1, 4, 2\); got"):
         clustering.fit(np.ones((4, 4)))
+
+
+@pytest.mark.parametrize("scoring", ["accuracy", "f1_macro", "neg_mean_squared_error"])
+def test_scorers_that_depend_on_numbers_of_labels_are_refused(scoring):
+    with pytest.raises(ValueError, match=f"{scoring!r} depends on the numbers"):
+        sequence_scorer(scoring)
+
+
+def test_what_scores_no_labels_is_refused():
+    with pytest.raises(ValueError, match="'roc_auc' is no scorer of labels"):
+        sequence_scorer("roc_auc")
+    for scoring in (3, None, make_scorer(adjusted_rand_score)):
+        with pytest.raises(TypeError, match="the name of a scorer, or a function"):
+            sequence_scorer(scoring)
+
+
+def test_the_error_of_tracks_is_no_score_of_sequences(sequences):
+    scoring = make_scorer(misclassification_error, greater_is_better=False)
+    with pytest.raises(ValueError, match="use no scoring"):
+        cross_val_score(
+            PerSequence(MotionSegmenter(2, **QUICK)),
+            *sequences,
+            scoring=scoring,
+            cv=2,
+            error_score="raise",
+        )
+
+
+def test_sequences_may_be_masked_and_of_any_frame(tracks):
+    X, _ = tracks
+    hidden = np.isnan(X)
+    masked = np.ma.MaskedArray(np.where(hidden, 7.0, X), mask=hidden)
+    nullable = pd.DataFrame(X).convert_dtypes()
+    estimator = PerSequence(MotionSegmenter(2, **QUICK))
+    expected, *others = estimator.fit([X]).predict([X, masked, nullable])
+    for labels in others:
+        assert_array_equal(labels, expected)
+    assert_array_equal(unpack_tracks(nullable)[0], unpack_tracks(X)[0])
+    assert_array_equal(unpack_tracks(X.astype(object))[0], unpack_tracks(X)[0])
+
+
+def test_memory_keeps_no_labels_of_seeds_that_are_not_known(tracks, tmp_path):
+    X, _ = tracks
+    unknown = MotionSegmenter(2, selection="ncre", n_hypotheses=20)
+    estimator = PerSequence(unknown, memory=tmp_path)
+    with pytest.warns(UserWarning, match="memory has no effect"):
+        estimator.fit([X]).predict([X])
+    assert not [*tmp_path.rglob("*.pkl")]
+    known = make_motion_pipeline(n_clusters=2, n_hypotheses=20, random_state=0)
+    PerSequence(known, memory=tmp_path).fit([X]).predict([X])
+    assert [*tmp_path.rglob("*.pkl")]
+
+
+def test_a_pipeline_without_a_seed_draws_anew_in_each_fit(tracks, tmp_path):
+    X, _ = tracks
+
+    def drawn(pipeline):
+        return pipeline.fit(X)["affinity"]["affine"]["sampler"].hypotheses_
+
+    pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=20)
+    assert not np.array_equal(drawn(pipeline), drawn(pipeline))
+    pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=20, random_state=0)
+    assert_array_equal(drawn(pipeline), drawn(pipeline))
+    with pytest.warns(UserWarning, match="memory has no effect"):
+        make_motion_pipeline(n_clusters=2, memory=tmp_path)
+
+
+def test_residuals_are_of_the_model_that_was_fitted(tracks):
+    X, _ = tracks
+    sampler = HypothesisSampler("homography", **SMALL).fit(X)
+    expected = sampler.transform(X)
+    sampler.set_params(model="fundamental")
+    assert_array_equal(sampler.transform(X), expected)

@@ -318,3 +318,12 @@ def test_a_search_has_no_fewer_motions_than_live_unless_it_is_sure(
     )
     segmenter.labels_ = segmenter.candidate_labels_[segmenter.best_index_]
     assert_array_equal(_with_living(segmenter, n_living), expected)
+
+
+def test_masked_and_absurd_points_are_refused(movie):
+    hidden = np.ma.MaskedArray([[5.0, 5.0]], mask=True)
+    for points in (hidden, [[1e200, 5.0]]):
+        segmenter = OnlineMotionSegmenter()
+        with pytest.raises(ValueError, match=r"must be (finite|in pixels)"):
+            segmenter.update(points, [0])
+        assert not hasattr(segmenter, "labels_")

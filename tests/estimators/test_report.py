@@ -381,3 +381,10 @@ def test_a_report_needs_the_tracks_that_were_fitted(reported):
         segmenter.report(X[:, :-2])
     with pytest.raises(ValueError, match="not fitted"):
         MotionSegmenter().report(X)
+
+
+def test_a_report_refuses_other_tracks_and_another_order(reported):
+    segmenter, X, _ = reported
+    for other in (X[::-1], X + 1.0):
+        with pytest.raises(ValueError, match="others, or in another order"):
+            segmenter.report(other)

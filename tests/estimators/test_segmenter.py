@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sklearn.base import BaseEstimator
+from sklearn.cluster import KMeans
+from sklearn.utils._param_validation import InvalidParameterError
 
-from skmotionseg import MotionSegmenter
+from skmotionseg import (
+    MotionSegmenter,
+    MultiModelSpectralClustering,
+    NCREModelSelector,
+    pack_tracks,
+)
 from skmotionseg._core.partition import search
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -123,3 +131,78 @@ def test_a_focal_length_reaches_the_search_for_rigid_motions(monkeypatch):
     for focal_length in (600.0, None):
         MotionSegmenter(2, focal_length=focal_length, n_hypotheses=50).fit(X)
     assert given == [pytest.approx(600), None]
+
+
+def before_a_still_camera(seed, begins=0, ends=30, speed=12.0):
+    """A room that stands still, and a car that drives in some of 30 frames."""
+    rng = np.random.RandomState(seed)
+    points = rng.uniform([0, 0], [1280, 720], size=(140, 1, 2)) + np.zeros((30, 1))
+    car = np.arange(140) >= 120
+    points[car] = rng.uniform([100, 300], [260, 400], size=(20, 1, 2))
+    depth = rng.uniform(0.9, 1.1, size=(20, 1))
+    drives = np.clip(np.arange(30) - begins, 0, ends - begins)
+    points[car, :, 0] += speed * depth * drives
+    points += 0.2 * rng.standard_normal(points.shape)
+    return points, car
+
+
+def assert_found(segmenter, X, car):
+    assert segmenter.fit(X).n_motions_ == 2
+    assert misclassification_error(car.astype(int), segmenter.labels_) < 0.02
+    assert not (segmenter.labels_[car] == segmenter.background_).any()
+
+
+@pytest.mark.parametrize("first, n_seen", [(11, 5), (10, 10), (13, 3)])
+def test_what_is_in_view_for_a_moment_is_found(first, n_seen):
+    points, car = before_a_still_camera(0, speed=60.0)
+    seen = np.ones(points.shape[:2], dtype=bool)
+    seen[car] = False
+    seen[car, first : first + n_seen] = True
+    points[car, :, 0] -= 60 * first
+    assert_found(MotionSegmenter(random_state=0), pack_tracks(points, seen), car)
+
+
+@pytest.mark.parametrize("seed", [0, further_seed(1), further_seed(2)])
+def test_what_drives_off_late_is_found(seed):
+    points, car = before_a_still_camera(seed, begins=22)
+    assert_found(MotionSegmenter(random_state=0), pack_tracks(points), car)
+
+
+@pytest.mark.parametrize(
+    "selection",
+    [
+        NCREModelSelector(min_clusters=0),
+        NCREModelSelector(MultiModelSpectralClustering(n_init=0)),
+        MultiModelSpectralClustering(n_clusters=0),
+        KMeans(2, init="anyhow"),
+    ],
+    ids=repr,
+)
+def test_parameters_of_a_selection_are_checked_before_any_work(scene, selection):
+    segmenter = MotionSegmenter(selection=selection)
+    with pytest.raises(InvalidParameterError, match=r"parameter of .* must be"):
+        segmenter.fit(scene[0])
+    assert not hasattr(segmenter, "views_")
+
+
+class _Says(BaseEstimator):
+    """A selection of given labels."""
+
+    def __init__(self, labels):
+        self.labels = labels
+
+    def fit(self, X, y=None):
+        self.labels_ = np.resize(self.labels, len(X))
+        return self
+
+
+def test_labels_of_a_selection_are_checked(scene):
+    def fitted(labels):
+        segmenter = MotionSegmenter(selection=_Says(labels), n_hypotheses=20)
+        return segmenter.fit(scene[0])
+
+    assert fitted([0, 1, -1]).n_motions_ == 2
+    with pytest.raises(ValueError, match="labels_ of _Says must be whole numbers"):
+        fitted([0.5, 1.5])
+    with pytest.raises(ValueError, match="_Says found no motion"):
+        fitted([-1])

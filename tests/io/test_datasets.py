@@ -845,3 +845,13 @@ def test_a_frame_number_beyond_reason_is_an_error_and_no_huge_array(tmp_path):
     path.write_text("track,frame,x,y\n0,0,1,2\n0,1000000000,3,4\n")
     with pytest.raises(ValueError, match="1 tracks in 1000000001 frames are more than"):
         load_tracks(path)
+
+
+def test_two_images_are_not_taken_for_a_video(tmp_path):
+    from scipy.io import savemat
+
+    y = np.full((3, 6, 4), 7.0)
+    data = {"ySparse": y, "GtLabel": np.ones(6), "visibleSparse": np.ones((6, 4))}
+    savemat(tmp_path / "clip.mat", {"Data": data})
+    with pytest.raises(ValueError, match="clip has 4 frames, where 2 are expected"):
+        load_adelaide(tmp_path)

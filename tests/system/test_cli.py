@@ -588,9 +588,15 @@ ERRORS = {
     "segment {scene} --report report.txt": "end in .* got report.txt",
     "segment {scene} --report nowhere/report.png": "nowhere",
     "segment {long} --report report.png": (
-        "--report is for clips of up to 100 frames; .*long.npy has 101 "
-        r"\(--max-frames takes the first\)"
+        "--report is for clips of up to 100 frames; .*long.npy has 101$"
     ),
+    "segment {scene} --max-frames 3": "--max-frames is for videos; .* is a file of tr",
+    "segment {scene} --stride 2": "--stride is for videos",
+    "segment {scene} --no-window": "--no-window is for videos",
+    "segment {scene} --split-dir {scene}": "--split-dir and the input are the same",
+    "segment {scene} --split-dir {long}": "long.npy is not a folder that could be wr",
+    "segment {scene} --visible-above 2": "visible_above must be a probability",
+    f"{BENCH} {{data}} --exponents 5 6": "--exponents is for --paper",
     "segment {scene} --split-dir nowhere/motions": "nowhere",
     "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
     "segment {scene} --min-motions 3 --max-motions 2": "--min-motions must not exceed",
@@ -607,7 +613,7 @@ ERRORS = {
         r"folders Hopkins155, .* is in .*KT3DMoSeg; is it --data .*\?"
     ),
     f"{BENCH} {{data}}/KT3DMoSeg": "folders Hopkins155, .*; is it --data",
-    f"{BENCH} {{data}} --datasets MTPV62": r"no file \*_Tracks.mat in .*MTPV62",
+    f"{BENCH} {{data}} --datasets MTPV62": "no folder .*MTPV62",
     f"{BENCH} {{data}} --json nowhere/records.json": "nowhere",
     f"{BENCH} {{data}} --json a --resume a": "--json and --resume are the same: a",
 }

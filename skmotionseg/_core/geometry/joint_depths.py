@@ -7,6 +7,8 @@ import numpy as np
 from .description_length import OF_MEDIAN
 from .windows import FEWEST_TRACKS
 
+# Standard deviations by which an inverse depth is no longer that of infinity.
+NEAR = 3.0
 # The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
 
@@ -32,7 +34,8 @@ def infinitely_far(depths, errors):
         deviations (by median absolute deviations) within the groups, where positive,
         over one plus the median inverse depth, in its standard deviations, of the group
         that is farther; its mean over the windows, weighted by the tracks of the
-        smaller group.
+        smaller group. Windows by which both are at infinity tell nothing: something may
+        have stood still until then.
     """
     found, weights = [], []
     for window in range(depths[0].shape[1]):
@@ -42,7 +45,7 @@ def infinitely_far(depths, errors):
             least = np.maximum(error[known, window], LEAST_SPREAD)
             sides.append((side[known, window], least))
         weight = min(len(side) for side, _ in sides)
-        if weight >= FEWEST_TRACKS:
+        if weight >= FEWEST_TRACKS and max(map(_from_infinity, sides)) > NEAR:
             found.append(_far_in_window(*sides))
             weights.append(weight)
     return float(np.average(found, weights=weights)) if found else 0.0
@@ -56,5 +59,11 @@ def _far_in_window(*sides):
         for (depths, _), median in zip(sides, medians, strict=True)
     )
     gap = abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
-    farther = min(np.median(np.abs(depths) / error) for depths, error in sides)
+    farther = min(map(_from_infinity, sides))
     return np.log(max(gap, 1)) / (1 + farther)
+
+
+def _from_infinity(side):
+    """The median inverse depth of a group, in standard deviations."""
+    depths, errors = side
+    return np.median(np.abs(depths) / errors)

@@ -106,6 +106,11 @@ def pack_tracks(
         raise ValueError("visible_above is about visibility; got no visibility")
     if visible_above is not None and not isinstance(visible_above, Real):
         raise TypeError(f"visible_above must be a number; got {visible_above!r}")
+    if visible_above is not None and not 0 <= visible_above < 1:
+        raise ValueError(
+            "visible_above must be a probability, of 0 or more and less than 1; got "
+            f"{visible_above}"
+        )
     points = _drop_batch(_as_numbers(points, "points"), layout)
     layout = layout or "tracks_first"
     if visibility is not None:
@@ -124,7 +129,7 @@ def pack_tracks(
 
 def _as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.floating]:
     """A floating-point copy, NaN where a masked array is masked."""
-    values = _as_array(values)
+    values = as_array(values)
     if values.dtype.kind not in "fiub":
         raise TypeError(f"{name} must be real numbers; got dtype {values.dtype}")
     numbers = np.array(values, dtype=np.result_type(values.dtype, np.float32))
@@ -132,13 +137,23 @@ def _as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.floating]:
     return numbers
 
 
-def _as_array(values: Any) -> np.ndarray:
-    """An array, its mask kept, of a list, a masked array or a tensor of PyTorch."""
+def as_array(values: Any) -> np.ndarray:
+    """An array, its mask kept, of whatever holds numbers.
+
+    Of a list, a masked array, a tensor of PyTorch, or a data frame of pandas, in which
+    what is missing becomes NaN; of an array of objects, if these are numbers.
+    """
     if hasattr(values, "detach"):  # on another device, or with a gradient
         values = values.detach().cpu().numpy()
     if isinstance(values, list | tuple) and any(map(np.ma.isMaskedArray, values)):
         return np.ma.stack(values)
-    return values if np.ma.isMaskedArray(values) else np.asarray(values)
+    array = values if np.ma.isMaskedArray(values) else np.asarray(values)
+    if array.dtype.kind != "O":
+        return array
+    if hasattr(values, "notna"):  # a data frame, whose missing values are no numbers
+        array = values.astype(object).where(values.notna(), np.nan).to_numpy()
+    numbers = all(isinstance(each, Real) for each in array.flat)
+    return array.astype(float) if numbers else array
 
 
 def _drop_batch(
@@ -191,7 +206,7 @@ def _as_visibility(
     layout: str,
     visible_above: float | None,
 ) -> npt.NDArray[np.bool_]:
-    visibility = _as_array(visibility)
+    visibility = as_array(visibility)
     visibility = _fit_axes(visibility, shape, layout)
     seen = ~np.ma.getmaskarray(visibility)
     visibility = np.ma.getdata(visibility)

@@ -32,6 +32,8 @@ LONGEST_SHORT = WINDOW_STRIDE * (WINDOW_FRAMES - 1)
 # Frames of a window in which a track must be seen, and tracks that make a motion.
 FEWEST_SEEN = 3
 FEWEST_TRACKS = 5
+# Windows that are added at most for tracks that are seen too little in the usual ones.
+MOST_MORE = 3
 # A reference frame sees this share of a group's tracks that any frame sees, or more.
 SHARE_IN_REFERENCE = 0.8
 # Tracks of a group that its motion is fitted to, and problems solved at a time.
@@ -360,6 +362,33 @@ class Windows:
         deviations, freedom = self.deviations(motion, tracks)
         return tracks[(freedom > 0) & (deviations <= most)]
 
+    def wanders(self, tracks):
+        """How far some tracks go from their mean places, where they go farthest.
+
+        Parameters
+        ----------
+        tracks : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        float
+            Root mean square distance along an axis, by the median track of the window
+            in which that is most, in calibrated coordinates; 0 where nothing is known.
+        """
+        medians = [0.0]
+        for window in range(len(self.frames)):
+            some = tracks[self.freedom[tracks, window] > 0]
+            if len(some) >= FEWEST_TRACKS:
+                medians.append(float(np.median(self._wandered(window, some))))
+        return max(medians)
+
+    def _wandered(self, window, tracks):
+        x, seen = self.x[window, tracks], self.seen[window, tracks, :, None]
+        times = seen.sum(axis=1)
+        means = x.sum(axis=1) / times  # where they are not seen, x is 0
+        squares = np.where(seen, (x - means[:, None]) ** 2, 0)
+        return np.sqrt(squares.sum(axis=(1, 2)) / (2 * times[:, 0]))
+
     def inverse_depths(self, motion, tracks):
         """Inverse depths of some tracks by a motion, window by window.
 
@@ -510,6 +539,58 @@ def window_frames(visibility, most_apart=WINDOW_STRIDE):
     n_windows = max(1, int(np.ceil(n_frames / span - 1 / 3)))
     starts = np.linspace(0, n_frames - span, n_windows).round().astype(int)
     return np.unique(starts)[:, None] + stride * np.arange(n)
+
+
+def reaching_frames(visibility, affinity):
+    """Frames of each window, with windows for what the usual ones do not reach.
+
+    What is in view for less than half a second is seen too little in windows of frames
+    that are apart, and where they meet: nothing would be known of it. Where only some
+    tracks of a motion are so brief, as in any clip, the others tell.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    affinity : ndarray of shape (n_tracks, n_tracks)
+        Its diagonal does not count.
+
+    Returns
+    -------
+    ndarray of int, shape (n_windows, n_frames_per_window)
+        Those of :func:`window_frames`, and at most :data:`MOST_MORE` others, each for
+        enough tracks to make a motion, most of whose links are to others that are not
+        reached.
+    """
+    frames = window_frames(visibility)
+    reached = _reached(visibility, frames).any(axis=0)
+    missed = _alone(~reached & (visibility.sum(axis=1) >= FEWEST_SEEN), affinity)
+    n = frames.shape[1]
+    for _ in range(MOST_MORE):
+        if np.count_nonzero(missed) < FEWEST_TRACKS:
+            break
+        stride = max(1, (int(np.median(visibility[missed].sum(axis=1))) - 1) // (n - 1))
+        starts = np.arange(visibility.shape[1] - stride * (n - 1))
+        others = starts[:, None] + stride * np.arange(n)
+        found = _reached(visibility, others) & missed
+        best = found.sum(axis=1).argmax()
+        if np.count_nonzero(found[best]) < FEWEST_TRACKS:
+            break
+        frames = np.concatenate([frames, others[best : best + 1]])
+        missed &= ~found[best]
+    return frames
+
+
+def _alone(tracks, affinity):
+    """Those of some tracks most of whose links are to others of them."""
+    own = np.diagonal(affinity)
+    inside = affinity @ tracks - own * tracks
+    return tracks & (inside > (affinity.sum(axis=1) - own) / 2)
+
+
+def _reached(visibility, frames):
+    """Whether windows see enough of tracks: (n_windows, n_tracks)."""
+    times = [np.count_nonzero(visibility[:, some], axis=1) for some in frames]
+    return np.stack(times) >= FEWEST_SEEN
 
 
 def _stretched(frames, n_frames):

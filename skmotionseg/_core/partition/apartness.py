@@ -28,6 +28,13 @@ PRIOR = -8.46
 MERGING_WEIGHTS, MERGING_PRIOR = (1.65, 1.85, 5.0), -7.0
 # Links over chance below which fewer say no more: of the odds, and of the distance.
 FEWEST_LINKS, FEWEST_MERGING_LINKS = 0.06, 0.01
+# What is added to the odds where the joint motion places a group at infinity that rests
+# in the image while the other moves: that a camera goes straight on and does not turn
+# at all, before something that is all infinitely far, is rarer than that it stands
+# still. With this, and without the windows in which both are at infinity, a car that
+# drives off late in a clip is found in 75 of 80 simulated clips; without, in 52. Groups
+# rest and move by so many scales of the noise.
+REST_WEIGHT, AT_REST, MOVES = 4.0, 1.0, 4.0
 # Distances by one of two motions below which no joint motion is fitted.
 SURELY_ONE = -4.0
 # Gains above this, in nats per track, bring two groups no farther apart.
@@ -237,6 +244,7 @@ class Comparisons:
         size = min(map(len, pair.groups))
         known = evidence(size, gain, links, far, cross)
         log_odds = np.dot(weights, known) + PRIOR
+        log_odds += REST_WEIGHT * min(far, 1.0) * self._one_rests(explained)
         distance = self._merging_distance(pair.groups, gain, far)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle
@@ -250,6 +258,11 @@ class Comparisons:
             far,
             cross,
         )
+
+    def _one_rests(self, groups):
+        """Whether one of two groups rests in the image, and the other does not."""
+        most = [self.windows.wanders(group) / self.scale for group in groups]
+        return min(most) <= AT_REST and max(most) >= MOVES
 
     def _merging_distance(self, groups, gain, far=0.0):
         """The distance of two groups, by which they are merged."""

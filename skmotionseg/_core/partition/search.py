@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import expit
 
 from ..geometry.description_length import clip_geometry
-from ..geometry.windows import FEWEST_SEEN, Windows
+from ..geometry.windows import FEWEST_SEEN, Windows, reaching_frames
 from ..graph.cuts import own_shares
 from ..graph.neighbourhood import neighbourhood_thresholds, sparsify, strongest
 from ..graph.spectral import ViewGraph, connected_tracks
@@ -413,7 +413,8 @@ def _windows(clip):
     n_tracks, n_frames = clip.visibility.shape
     if n_frames < FEWEST_SEEN or n_tracks < FEWEST_FOR_RIGID:
         return None
-    windows = Windows(clip.points, clip.visibility)
+    frames = reaching_frames(clip.visibility, clip.sparse[-1].sum(axis=0))
+    windows = Windows(clip.points, clip.visibility, frames=frames)
     enough = np.mean(windows.freedom.any(axis=1)) >= SHARE_IN_WINDOWS
     return windows if enough else None
 
