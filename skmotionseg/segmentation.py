@@ -116,7 +116,7 @@ default="kernel_addition"
 estimator, default="description_length"
         How the partition is chosen. "description_length" generates several candidates,
         with 8 initialisations of k-means each, and judges them by how well their
-        motions explain the tracks. In clips of at least three frames and forty tracks,
+        motions explain the tracks. In clips of at least three frames and twelve tracks,
         these are rigid motions over windows of up to six frames, and the number of
         motions is the largest whose motions are all more likely different than the
         same. Two images, where most tracks may be mismatches, are segmented by the
@@ -236,7 +236,7 @@ estimator, default="description_length"
         are two and not one; between two images, that there are so many motions and not
         fewer. NaN where they are not computed: for the fewest motions, for a given
         number, and where partitions are compared by fundamental matrices of frame pairs
-        (fewer than 40 tracks, or tracks seen in fewer than three frames of a window;
+        (fewer than 12 tracks, or tracks seen in fewer than three frames of a window;
         in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)
         Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
