@@ -316,21 +316,23 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     Starts are partitions (n,) that are tried beside spectral clusterings.
     """
     windows = _windows(clip)
-    graphs = _graphs(clip, max(OVERSEGMENTATION, int(counts[0]) + 2))
+    most = max(OVERSEGMENTATION, int(counts[0]) + 2)
+    graphs = _graphs(clip, most)
     if windows is None or not graphs or counts[-1] == 1:
         return None
+    views = clip.sparse[-1]
+    few = strongest(views[0], LINKS)
+    of_few = ViewGraph.from_affinities(few[None], most)
 
     def candidates(n_motions):
         clusterings = [
             _cluster(graph, n_motions, clip.affinity, cluster)
-            for graph in graphs
+            for graph in (*graphs, of_few)
             if 1 < n_motions <= graph.n_leading
         ]
         return clusterings + [some for some in starts if some.max() + 1 == n_motions]
 
-    views = clip.sparse[-1]
     share = focal_length and focal_length / windows.size
-    few = strongest(views[0], LINKS)
     search = RigidSearch(windows, views.sum(axis=0), few, share)
 
     def finer(n_groups):
