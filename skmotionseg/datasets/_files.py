@@ -369,6 +369,11 @@ def _read_wide(header, rows):
     if len(rows) == 1:
         raise ValueError("there are no tracks below its header")
     table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
+    if _counts_observations(table) and not _names_points(header):
+        raise ValueError(
+            "two of its four columns count, as if there were one row per observation: "
+            f"name them track, frame, x and y; got {', '.join(header)}"
+        )
     fields = {}
     columns = list(range(len(header)))
     for i in [i for i in columns if header[i] in LABEL_NAMES][:1]:
@@ -391,7 +396,7 @@ def _is_header(cells):
 
 
 def _counts_observations(table):
-    """Whether a table without header seems to have one row per observation.
+    """Whether a table seems to have one row per observation.
 
     So it seems with columns 0, 1, ... (or 1, 2, ...) of tracks and of frames, no pair
     of which comes twice, beside two columns that are not whole numbers throughout.
@@ -406,6 +411,11 @@ def _counts_observations(table):
         for values in map(np.unique, counters.T)
     ]
     return all(consecutive) and len(np.unique(counters, axis=0)) == len(table)
+
+
+def _names_points(header):
+    """Whether names are those of the points of two frames: x, y, x, y."""
+    return [name[:1] for name in header] == ["x", "y", "x", "y"]
 
 
 def _check_order(names):

@@ -511,6 +511,9 @@ HEADERS = {
     "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
     "particle,step,x,y\n0,0,1.5,2\n": "columns track, frame, x, y; got particle, step",
     "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
+    "frame_id;point;px;py\n0;0;1.5;2\n1;0;1.6;2\n0;1;7;7.5\n1;1;7;7.6\n": (
+        r"two of its four columns count, .* got frame_id, point, px, py"
+    ),
     "1.5 2.5  3.5\n1.5 2.5\n": r"rows differ in length: \[2, 3\]",
     "id,t,x,y,visible\n0,0,1.5,2,0.3\n": "'visible' must be 0 or 1 in each row",
     "id,t,x,y\n0,0.5,1.5,2\n": "the column 'frame'",
