@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -56,8 +57,10 @@ from ._segmenter.views import (
     view_seeds,
 )
 from ._utils.validation import (
+    LARGEST_SHARE,
     TooFewTracksError,
     TracksInput,
+    are_shares,
     check_cacheable,
     check_estimator_parameters,
 )
@@ -408,6 +411,13 @@ estimator, default="description_length"
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
         tracks = self._read_tracks(X, reset=True)
+        if are_shares(tracks):
+            warnings.warn(
+                f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "
+                "they are not pixels, in which noise is measured: if they are shares "
+                "of the image's size, multiply them by its width and height",
+                stacklevel=2,
+            )
         self._forget()
         self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:

@@ -14,6 +14,10 @@ OF_A_FOLD = (
     "the rows of a fold are no stacked affinities: cross-validate tracks, with "
     "make_motion_pipeline, or use one split of all rows"
 )
+# Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
+LARGEST_SHARE = 2
+# Fewer tracks than a fundamental matrix needs may be anything.
+FEWEST_TO_WARN = 8
 # Pixels beyond which a number is no place in an image.
 FARTHEST = 1e12
 
@@ -84,12 +88,23 @@ def _check_packed(X):
         raise ValueError(f"there are no tracks: X has 0 samples, shape={tuple(shape)}")
 
 
-def check_farthest(points):
-    """Refuse numbers that are no pixels, and of which products overflow."""
-    farthest = max(
+def farthest_from_zero(points):
+    """The largest absolute coordinate; 0 where there is none."""
+    return max(
         np.fmax.reduce(points, axis=None, initial=0),
         -np.fmin.reduce(points, axis=None, initial=0),
     )
+
+
+def are_shares(points):
+    """Whether coordinates can be no pixels: they seem to be shares of a size."""
+    enough = len(points) >= FEWEST_TO_WARN
+    return enough and 0 < farthest_from_zero(points) <= LARGEST_SHARE
+
+
+def check_farthest(points):
+    """Refuse numbers that are no pixels, and of which products overflow."""
+    farthest = farthest_from_zero(points)
     if farthest > FARTHEST:
         raise ValueError(
             f"tracks must be in pixels, of up to {FARTHEST:.0e}; got {farthest:.3g}"

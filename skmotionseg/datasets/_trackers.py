@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from .._core.geometry.tracks import pack_tracks, unpack_tracks
+from .._utils.validation import LARGEST_SHARE, are_shares, farthest_from_zero
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 
@@ -22,10 +23,6 @@ SEEN = (
     "pred_visibilities",
 )
 OCCLUSION = ("occlusion", "occlusions")
-# Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
-LARGEST_SHARE = 2
-# Fewer tracks than a fundamental matrix needs may be anything.
-FEWEST_TO_WARN = 8
 # Tracks that move over more than so many times what all of them cover are suspicious.
 FARTHEST_MOVED = 2
 
@@ -183,7 +180,7 @@ def _visibility(arrays, visible_above):
 
 def _tap_vid_size(data, arrays):
     """Width and height of TAP-Vid's video, or None if the points are in pixels."""
-    if data.size == 0 or _largest(data) > LARGEST_SHARE:
+    if data.size == 0 or farthest_from_zero(data) > LARGEST_SHARE:
         return None
     if "video" not in arrays:
         raise ValueError(
@@ -198,15 +195,11 @@ def _tap_vid_size(data, arrays):
     return shape[2], shape[1]
 
 
-def _largest(data):
-    return np.nanmax(np.abs(data), initial=0)
-
-
 def warn_if_normalized(data, name):
     """Warn where tracks cannot be in pixels."""
-    largest = _largest(data)
-    if len(data) < FEWEST_TO_WARN or not 0 < largest <= LARGEST_SHARE:
+    if not are_shares(data):
         return
+    largest = farthest_from_zero(data)
     warnings.warn(
         f"all coordinates in {name} are between -{largest:.3g} and {largest:.3g}, so "
         "they are not pixels, and residuals are not in pixels either: if they are "
@@ -250,7 +243,7 @@ def in_pixels(data, image_size):
         raise ValueError(
             f"image_size must be width and height in pixels; got {image_size!r}"
         )
-    largest = _largest(data)
+    largest = farthest_from_zero(data)
     if largest > LARGEST_SHARE:
         raise ValueError(
             "image_size is for points that are shares of it, in [0, 1]; got "

@@ -206,3 +206,10 @@ def test_labels_of_a_selection_are_checked(scene):
         fitted([0.5, 1.5])
     with pytest.raises(ValueError, match="_Says found no motion"):
         fitted([-1])
+
+
+def test_coordinates_that_are_no_pixels_are_warned_of():
+    points, _ = before_a_still_camera(0)
+    X = pack_tracks(points / [1280, 720])
+    with pytest.warns(UserWarning, match="multiply them by its width and height"):
+        MotionSegmenter(2, n_hypotheses=20, random_state=0).fit(X)
