@@ -315,12 +315,13 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
 
     Starts are partitions (n,) that are tried beside spectral clusterings.
     """
-    windows = _windows(clip)
+    views = clip.sparse[-1]
+    affinity = views.sum(axis=0)
+    windows = _windows(clip, affinity)
     most = max(OVERSEGMENTATION, int(counts[0]) + 2)
     graphs = _graphs(clip, most)
     if windows is None or not graphs or counts[-1] == 1:
         return None
-    views = clip.sparse[-1]
     few = strongest(views[0], LINKS)
     of_few = ViewGraph.from_affinities(few[None], most)
 
@@ -333,7 +334,7 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
         return clusterings + [some for some in starts if some.max() + 1 == n_motions]
 
     share = focal_length and focal_length / windows.size
-    search = RigidSearch(windows, views.sum(axis=0), few, share)
+    search = RigidSearch(windows, affinity, few, share)
 
     def finer(n_groups):
         return _over_segments(clip, _graphs(clip, n_groups), cluster)
@@ -411,12 +412,12 @@ def count_probabilities(counts, log_odds):
     return at_least - np.append(at_least[1:], 0)
 
 
-def _windows(clip):
+def _windows(clip, affinity):
     """Windows in which rigid motions are fitted; None where they would tell little."""
     n_tracks, n_frames = clip.visibility.shape
     if n_frames < FEWEST_SEEN or n_tracks < FEWEST_FOR_RIGID:
         return None
-    frames = reaching_frames(clip.visibility, clip.sparse[-1].sum(axis=0))
+    frames = reaching_frames(clip.visibility, affinity)
     windows = Windows(clip.points, clip.visibility, frames=frames)
     enough = np.mean(windows.freedom.any(axis=1)) >= SHARE_IN_WINDOWS
     return windows if enough else None
