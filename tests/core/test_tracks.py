@@ -496,3 +496,9 @@ def test_gaps_are_no_cuts():
     visibility[:, 1::2] = False
     assert shots(visibility) == [(0, 12)]
     assert shots(np.zeros((3, 4), dtype=bool)) == [(0, 4)]
+
+
+@pytest.mark.parametrize("visible_above", [-0.1, 1.0, 2, np.nan])
+def test_what_is_seen_is_above_a_probability(visible_above):
+    with pytest.raises(ValueError, match="visible_above must be a probability"):
+        pack_tracks(np.ones((1, 2, 2)), [[0.9, 0.9]], visible_above=visible_above)

@@ -298,7 +298,7 @@ def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
     more, error = search_gap.gap(Bunch(seed=0, **scene))
     assert more <= search_gap.TOLERANCE
     assert error < 0.05
-    few = make_scene("table", n_tracks=30, n_frames=3, n_motions=2, random_state=0)
+    few = make_scene("table", n_tracks=11, n_frames=3, n_motions=1, random_state=0)
     assert search_gap.gap(Bunch(seed=0, **few)) is None
 
 

@@ -555,7 +555,7 @@ def test_labels_are_there_if_pictures_fail(folder, tmp_path, capsys, monkeypatch
     "option, value, words",
     [
         ("--masks", "nowhere/masks", "no folder to write"),
-        ("--static-masks", "file", "not a folder that masks"),
+        ("--static-masks", "file", "not a folder that could be written to"),
         ("--prompts", "points.txt", "end in .json"),
     ],
 )

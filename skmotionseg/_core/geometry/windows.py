@@ -32,8 +32,9 @@ LONGEST_SHORT = WINDOW_STRIDE * (WINDOW_FRAMES - 1)
 # Frames of a window in which a track must be seen, and tracks that make a motion.
 FEWEST_SEEN = 3
 FEWEST_TRACKS = 5
-# Windows that are added at most for tracks that are seen too little in the usual ones.
-MOST_MORE = 3
+# Windows that are added at most for tracks that are seen too little in the usual ones,
+# such tracks that one is added for, and the share of their links that is to each other.
+MOST_MORE, FEWEST_MISSED, MOST_LINKS = 3, 10, 0.75
 # A reference frame sees this share of a group's tracks that any frame sees, or more.
 SHARE_IN_REFERENCE = 0.8
 # Tracks of a group that its motion is fitted to, and problems solved at a time.
@@ -558,22 +559,21 @@ def reaching_frames(visibility, affinity):
     -------
     ndarray of int, shape (n_windows, n_frames_per_window)
         Those of :func:`window_frames`, and at most :data:`MOST_MORE` others, each for
-        enough tracks to make a motion, most of whose links are to others that are not
-        reached.
+        ten tracks or more, whose links are to others that are not reached.
     """
     frames = window_frames(visibility)
     reached = _reached(visibility, frames).any(axis=0)
     missed = _alone(~reached & (visibility.sum(axis=1) >= FEWEST_SEEN), affinity)
     n = frames.shape[1]
     for _ in range(MOST_MORE):
-        if np.count_nonzero(missed) < FEWEST_TRACKS:
+        if np.count_nonzero(missed) < FEWEST_MISSED:
             break
         stride = max(1, (int(np.median(visibility[missed].sum(axis=1))) - 1) // (n - 1))
         starts = np.arange(visibility.shape[1] - stride * (n - 1))
         others = starts[:, None] + stride * np.arange(n)
         found = _reached(visibility, others) & missed
         best = found.sum(axis=1).argmax()
-        if np.count_nonzero(found[best]) < FEWEST_TRACKS:
+        if np.count_nonzero(found[best]) < FEWEST_MISSED:
             break
         frames = np.concatenate([frames, others[best : best + 1]])
         missed &= ~found[best]
@@ -581,10 +581,10 @@ def reaching_frames(visibility, affinity):
 
 
 def _alone(tracks, affinity):
-    """Those of some tracks most of whose links are to others of them."""
+    """Those of some tracks whose links are to others of them, all but a quarter."""
     own = np.diagonal(affinity)
     inside = affinity @ tracks - own * tracks
-    return tracks & (inside > (affinity.sum(axis=1) - own) / 2)
+    return tracks & (inside > MOST_LINKS * (affinity.sum(axis=1) - own))
 
 
 def _reached(visibility, frames):
