@@ -19,7 +19,7 @@ from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
 from ._segmenter.motions import stream_reasons
-from ._utils.validation import TooFewTracksError, check_farthest
+from ._utils.validation import TooFewTracksError, check_farthest, unmasked
 from .segmentation import MotionSegmenter
 
 # Motions that are looked for in the first frames, if their number is not given.
@@ -267,9 +267,7 @@ def _with_first(labels, first):
 
 def _checked_frame(points, track_ids):
     """Points (n, 2) and ids (n,) of a frame, if they are such."""
-    if np.ma.isMaskedArray(points) and points.dtype.kind in "fiu":
-        points = np.ma.filled(points.astype(float), np.nan)  # masked is unseen
-    points, ids = np.asarray(points), np.asarray(track_ids)
+    points, ids = np.asarray(unmasked(points)), np.asarray(track_ids)
     if points.size == 0 and ids.size == 0:
         return np.empty((0, 2)), np.empty(0, dtype=np.int64)
     if points.dtype.kind not in "fiu":

@@ -21,7 +21,7 @@ from ._core.geometry.tracks import as_array
 from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
-from ._utils.validation import as_memory, check_cacheable
+from ._utils.validation import as_memory, check_cacheable, unmasked
 from ._version import __version__
 from .metrics import misclassification_error
 
@@ -129,7 +129,9 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """Check sequences and list them as arrays."""
         if issparse(X):
             raise TypeError("sparse data is not supported; give a list of track arrays")
-        sequences = [_as_matrix(x) for x in X] if _is_listlike(X) else []
+        sequences = (
+            [np.asarray(unmasked(as_array(x))) for x in X] if _is_listlike(X) else []
+        )
         if not sequences:
             raise ValueError(
                 "X must be a list of track arrays, one per sequence; got "
@@ -271,14 +273,6 @@ def _scorers_of_callers():
                 found = frame.f_locals.get(name)
                 yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
-
-
-def _as_matrix(x):
-    """An array, NaN where a masked one is masked."""
-    array = as_array(x)
-    if np.ma.isMaskedArray(array) and array.dtype.kind in "fiu":
-        array = np.ma.filled(array.astype(float), np.nan)
-    return np.asarray(array)
 
 
 def _is_listlike(X):

@@ -89,8 +89,8 @@ def _add_paper(bench):
         type=count,
         nargs=2,
         metavar=("FIRST", "LAST"),
-        help="exponents of the epsilon-neighbourhood that --paper sweeps (default: 5 "
-        "15)",
+        help="exponents of the epsilon-neighbourhood that --paper sweeps (default: "
+        f"{EXPONENTS[0]} {EXPONENTS[1]})",
     )
 
 

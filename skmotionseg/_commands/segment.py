@@ -174,7 +174,7 @@ def _segment_video(run):
     arguments, segmenter, _, progress, started = run
     frames = open_video(arguments)
     check_mask_names(arguments, frames)
-    _check_length(arguments, expected_length(arguments, frames), video=True)
+    _check_length(arguments, expected_length(arguments, frames))
     if not goes_in_blocks(arguments, frames):
         tracks, size = track_at_once(arguments, frames, progress)
     else:
@@ -194,8 +194,7 @@ def _segment_video(run):
 def _segment_tracks(run, sequence):
     """Segment tracks that are in memory; draw, write and print what is found."""
     arguments, segmenter, console, progress, started = run
-    n_frames, video = sequence.data.shape[1] // 2, is_video(arguments.file)
-    _check_length(arguments, n_frames, video)
+    _check_length(arguments, sequence.data.shape[1] // 2)
     with progress.status("segmenting ..."):
         segmenter.fit(sequence.data)
     sequence.seconds |= segmenter.stage_seconds_
@@ -262,12 +261,13 @@ def _check_pictures(arguments):
             )
 
 
-def _check_length(arguments, n_frames, video):
+def _check_length(arguments, n_frames):
     """Refuse a report of a clip that is taken in windows, if its length is known."""
     if arguments.report is not None and n_frames and n_frames > LONG_CLIP:
+        fewer = " (--max-frames takes the first)" if is_video(arguments.file) else ""
         raise ValueError(
             f"--report is for clips of up to {LONG_CLIP} frames; {arguments.file} has "
-            f"{n_frames}" + (" (--max-frames takes the first)" if video else "")
+            f"{n_frames}{fewer}"
         )
 
 

@@ -53,10 +53,12 @@ class TracksInput:
             fewer than four, or holds infinities.
         """
         _check_packed(X)
-        if np.ma.isMaskedArray(X) and X.dtype.kind in "fiu":
-            X = np.ma.filled(X.astype(float), np.nan)  # masked is unseen
         X = read_matrix(
-            self, X, reset=reset, dtype=np.float64, ensure_all_finite="allow-nan"
+            self,
+            unmasked(X),
+            reset=reset,
+            dtype=np.float64,
+            ensure_all_finite="allow-nan",
         )
         if X.shape[1] % 2 or X.shape[1] < 4:
             one_frame = ", which is one frame" if X.shape[1] == 2 else ""
@@ -86,6 +88,13 @@ def _check_packed(X):
         )
     if len(shape) == 2 and shape[0] == 0 and shape[1] > 0:
         raise ValueError(f"there are no tracks: X has 0 samples, shape={tuple(shape)}")
+
+
+def unmasked(points):
+    """The points, NaN where a masked array is masked: that is unseen."""
+    if np.ma.isMaskedArray(points) and points.dtype.kind in "fiu":
+        return np.ma.filled(points.astype(float), np.nan)
+    return points
 
 
 def farthest_from_zero(points):

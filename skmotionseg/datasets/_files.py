@@ -64,9 +64,8 @@ def load_tracks(
     path : str or path-like
         ``.npz``: ``points`` (n_tracks, n_frames, 2) and, if some are unseen,
         ``visibility`` (n_tracks, n_frames); or ``X`` (n_tracks, 2 * n_frames). A
-        ``labels`` array is optional; under any of these names, an array of two axes is
-        taken as ``X``. Or what point trackers give, under their names
-        for it:
+        ``labels`` array is optional. Or what point trackers give, under their names for
+        it (of two axes, it is taken as ``X``, too, as are such ``points``):
 
         - CoTracker: ``pred_tracks`` (1, n_frames, n_tracks, 2), ``pred_visibility``
           (1, n_frames, n_tracks);
@@ -369,7 +368,7 @@ def _read_wide(header, rows):
     if len(rows) == 1:
         raise ValueError("there are no tracks below its header")
     table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
-    if _counts_observations(table) and not _names_points(header):
+    if _counts_observations(table) and _initials(header) != "xyxy":
         raise ValueError(
             "two of its four columns count, as if there were one row per observation: "
             f"name them track, frame, x and y; got {', '.join(header)}"
@@ -413,14 +412,13 @@ def _counts_observations(table):
     return all(consecutive) and len(np.unique(counters, axis=0)) == len(table)
 
 
-def _names_points(header):
-    """Whether names are those of the points of two frames: x, y, x, y."""
-    return [name[:1] for name in header] == ["x", "y", "x", "y"]
+def _initials(names):
+    return "".join(name[:1] for name in names)
 
 
 def _check_order(names):
     """Refuse columns that are named x and y, but in another order than ours."""
-    initials = "".join(name[:1] for name in names)
+    initials = _initials(names)
     is_even = len(names) % 2 == 0
     if is_even and set(initials) == {"x", "y"} and initials != "xy" * (len(names) // 2):
         raise ValueError(

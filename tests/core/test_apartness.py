@@ -34,6 +34,12 @@ def scene():
     return linked_scene()
 
 
+def least_apart(search, labels):
+    """The two groups of labels that are least apart, and how they compare."""
+    motions = done(search, search.motions(labels))
+    return done(search, search.comparisons.least_apart(labels, motions))
+
+
 def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     points, y, search = scene[0], scene[-1], search_of(scene)
     search.calibrate(y)
@@ -41,12 +47,10 @@ def test_halves_of_a_motion_are_one_and_motions_are_apart(scene):
     x = np.nanmean(points[background], axis=1)[:, 0]
     torn = y.copy()
     torn[background[x > np.median(x)]] = y.max() + 1
-    motions = done(search, search.motions(torn))
-    pair, least = done(search, search.comparisons.least_apart(torn, motions))
+    pair, least = least_apart(search, torn)
     assert set(pair) == {0, y.max() + 1}
     assert max(least.log_odds, least.distance) < 0
-    motions = done(search, search.motions(y))
-    _, whole = done(search, search.comparisons.least_apart(y, motions))
+    _, whole = least_apart(search, y)
     assert whole.log_odds > 1
     assert whole.distance > 2
 
@@ -74,9 +78,7 @@ def test_outliers_in_groups_do_not_link_them(scene):
     affinity[wild] = affinity[:, wild] = 0.5
     search = RigidSearch(Windows(points, visibility), affinity)
     search.calibrate(y)
-    pair, found = done(
-        search, search.comparisons.least_apart(y, done(search, search.motions(y)))
-    )
+    pair, found = least_apart(search, y)
     groups = [np.flatnonzero(y == k) for k in pair]
     assert found.links < 0.2 * search.links.between(*groups)
     assert found.log_odds > 0
@@ -166,9 +168,7 @@ def test_what_moves_before_a_still_camera_is_apart():
     scene = before_a_still_camera(np.random.RandomState(5))
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
-    _, found = done(
-        search, search.comparisons.least_apart(y, done(search, search.motions(y)))
-    )
+    _, found = least_apart(search, y)
     assert found.gain < 0.5
     assert found.far > 0.5
     assert found.log_odds > 0
@@ -179,9 +179,7 @@ def test_what_drives_away_from_a_moving_camera_is_apart():
     scene = before_a_camera_that_drives(np.random.RandomState(7))
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
-    _, found = done(
-        search, search.comparisons.least_apart(y, done(search, search.motions(y)))
-    )
+    _, found = least_apart(search, y)
     assert found.gain > 3
     assert found.log_odds > 0
 
@@ -232,31 +230,21 @@ def test_what_one_window_but_no_frame_shows_together_is_told_by_links():
     assert not judge.comparisons._at_other_times(first, second)
 
 
-def drives_off(rng, begins, n_frames=30):
-    """What stands still before a still camera, and a part that drives off."""
-    points, _, affinity, y = before_a_still_camera(rng, n_frames=n_frames)
-    moved = np.maximum(np.arange(n_frames) - begins, 0) - np.arange(n_frames)
-    points[y == 1, :, 0] += 3 * moved
-    return points, np.ones(points.shape[:2], dtype=bool), affinity, y
-
-
 @pytest.mark.parametrize("begins", [0, 10, 20])
 def test_what_drives_off_late_is_apart(begins):
-    scene = drives_off(np.random.RandomState(0), begins)
+    scene = before_a_still_camera(np.random.RandomState(0), n_frames=30, begins=begins)
     y, search = scene[-1], search_of(scene)
     search.calibrate(y)
-    motions = done(search, search.motions(y))
-    _, found = done(search, search.comparisons.least_apart(y, motions))
+    _, found = least_apart(search, y)
     assert found.far > 0.3
     assert found.log_odds > 1
 
 
 def test_halves_of_what_rests_are_one():
-    points, _, _, y = drives_off(np.random.RandomState(0), 20)
+    points, _, _, y = before_a_still_camera(np.random.RandomState(0), n_frames=30)
     points, halves = points[y == 0], np.arange(np.count_nonzero(y == 0)) % 2
     seen = np.ones(points.shape[:2], dtype=bool)
     search = search_of((points, seen, np.ones((len(halves),) * 2), halves))
     search.calibrate(halves)
-    motions = done(search, search.motions(halves))
-    _, found = done(search, search.comparisons.least_apart(halves, motions))
+    _, found = least_apart(search, halves)
     assert found.log_odds < -3

@@ -47,12 +47,13 @@ def search_of(scene):
     return RigidSearch(Windows(points, visibility), affinity)
 
 
-def before_a_still_camera(rng, n_tracks=120, n_frames=8):
-    """What stands still, and something that moves past along a straight line."""
+def before_a_still_camera(rng, n_tracks=120, n_frames=8, begins=0):
+    """What stands still, and something that moves off along a straight line."""
     points = rng.uniform(0, 640, size=(n_tracks, 1, 2)) + np.zeros((n_frames, 2))
     y = (np.arange(n_tracks) < n_tracks // 4).astype(int)
     depth = rng.uniform(0.9, 1.1, size=(n_tracks, 1))
-    points[y == 1, :, 0] += 3 * np.arange(n_frames) * depth[y == 1]
+    way = np.maximum(np.arange(n_frames) - begins, 0)
+    points[y == 1, :, 0] += 3 * way * depth[y == 1]
     points += 0.1 * rng.standard_normal(points.shape)
     visibility = np.ones((n_tracks, n_frames), dtype=bool)
     affinity = np.where(y[:, None] == y, 1.0, 0.05)

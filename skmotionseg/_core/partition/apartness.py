@@ -244,7 +244,8 @@ class Comparisons:
         size = min(map(len, pair.groups))
         known = evidence(size, gain, links, far, cross)
         log_odds = np.dot(weights, known) + PRIOR
-        log_odds += REST_WEIGHT * min(far, 1.0) * self._one_rests(explained)
+        if far > 0 and self._one_rests(explained):
+            log_odds += REST_WEIGHT * min(far, 1.0)
         distance = self._merging_distance(pair.groups, gain, far)
         if self._at_other_times(*pair.groups):
             log_odds = distance  # by links alone: that one motion explains both is idle

@@ -317,10 +317,12 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     """
     views = clip.sparse[-1]
     affinity = views.sum(axis=0)
-    windows = _windows(clip, affinity)
+    windows = None if counts[-1] == 1 else _windows(clip, affinity)
+    if windows is None:
+        return None
     most = max(OVERSEGMENTATION, int(counts[0]) + 2)
     graphs = _graphs(clip, most)
-    if windows is None or not graphs or counts[-1] == 1:
+    if not graphs:
         return None
     few = strongest(views[0], LINKS)
     of_few = ViewGraph.from_affinities(few[None], most)
