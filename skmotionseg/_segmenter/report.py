@@ -459,7 +459,8 @@ def how_sure(report):
     """How likely the number of motions is, and the next one; "" if unknown.
 
     The number that is chosen is the largest that is reached more likely than not. Fewer
-    may be likelier than just as many, and then this is said.
+    may be likelier than just as many, and then this is said. The next one is left out
+    if it has no whole percent.
     """
     if len(report.counts) == 1 or np.isnan(report.counts[0].probability):
         return ""
@@ -479,7 +480,8 @@ def how_sure(report):
         )
         tie += f": {chosen.n_motions} or more with {100 * reached:.0f} %"
         other = "likelier alone:"
-    return f"Number of motions: {likely}{tie and f' ({tie})'}; {other} {less}."
+    words = f"Number of motions: {likely}{tie and f' ({tie})'}"
+    return f"{words}." if following.probability < 0.005 else f"{words}; {other} {less}."
 
 
 def _halves(name):

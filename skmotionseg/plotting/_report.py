@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy.typing as npt
 from sklearn.base import BaseEstimator
@@ -11,9 +11,6 @@ from .._segmenter.report import pixels
 from ._counts import CountDisplay
 from ._drawing import last_step, legend_below, refuse_windows, require_pyplot
 from ._tracks import MotionDisplay
-
-if TYPE_CHECKING:
-    pass
 
 # Inches: both parts side by side, the tracks the wider one.
 FIGURE_SIZE = (12, 5)

@@ -325,6 +325,15 @@ def test_a_near_tie_is_said_in_words(reported):
     assert last.endswith(f"; likelier alone: {few} with 45 %.")
 
 
+def test_no_next_number_is_named_where_none_has_a_percent(reported):
+    segmenter, X, _ = reported
+    sure = pickle.loads(pickle.dumps(segmenter))
+    sure.count_probabilities_ = np.zeros(len(sure.counts_))
+    sure.count_probabilities_[sure.best_index_] = 1
+    last = str(sure.report(X)).splitlines()[-1]
+    assert last == f"Number of motions: {sure.n_motions_} with 100 %."
+
+
 @pytest.mark.parametrize(
     ("log_odds", "expected"),
     [
