@@ -22,6 +22,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
+from ._core.geometry.shutter import find_shutter
 from ._core.geometry.tracks import (
     covisible_pairs,
     frame_pairs,
@@ -69,7 +70,7 @@ from .kernels import ORKKernel
 from .model_selection import Fusing
 
 # What a fit keeps beside its fitted attributes, and those that are of its input alone.
-OWN_STATE = ("_frames", "_known", "_explanation")
+OWN_STATE = ("_frames", "_known", "_explanation", "_shutter")
 OF_INPUT = ("n_features_in_", "feature_names_in_")
 # Restarts of k-means for each of many candidates; a single partition gets more.
 SEARCH_RESTARTS = 8
@@ -247,6 +248,13 @@ estimator, default="description_length"
         or more are likelier than fewer: another number may be likelier than it alone.
     landmarks_ : ndarray of int, shape (n_landmarks,)
         Indices of the tracks that were fitted.
+    readout_ : ndarray of shape (2,)
+        Time that the camera's rolling shutter takes from the left edge of what the
+        tracks cover to the right one, and from the upper to the lower, as shares of the
+        time between two frames; negative if it goes the other way. ``(0, 0)`` where it
+        makes too little difference to tell, and unless ``selection`` is
+        "description_length". Otherwise all else is of the tracks as they would be if
+        each frame had been read at once.
     windows_ : ndarray of int, shape (n_windows, 2)
         Only for clips of more than 100 frames: first and last frame of each. Such a fit
         has ``labels_``, ``label_reasons_``, ``probabilities_`` (shares of the frames in
@@ -428,8 +436,12 @@ estimator, default="description_length"
 
     def _fit_whole(self, points, visibility, models):
         """Fit landmarks of all frames at once, and place the other tracks."""
+        # The paper's rules take tracks as they are.
+        self._shutter = find_shutter(points, visibility) if self._by_length else None
+        self.readout_ = self._shutter.readout if self._by_length else np.zeros(2)
         # A frame that sees nothing must not part its neighbours.
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
+        points = self._read_at_once(points, visibility)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         seeds = view_seeds(check_random_state(self.random_state), models)
@@ -458,6 +470,12 @@ estimator, default="description_length"
             self._keep(points, visibility, affinities, found)
         self.stage_seconds_ = clock.with_total()
         return self
+
+    def _read_at_once(self, points, visibility):
+        """Points as if the camera had read all of each frame at once."""
+        if self._shutter is None:
+            return points
+        return self._shutter.at_once(points, visibility)
 
     def _fit_in_windows(self, clip, X):
         """Set what is known of the tracks of a long clip."""
@@ -696,6 +714,7 @@ estimator, default="description_length"
         if hasattr(self, "windows_"):
             return self._recall(tracks)
         points, visibility = unpack_tracks(tracks)
+        points = self._read_at_once(points, visibility)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         (labels,), _ = place_tracks(
             self.views_,
@@ -788,6 +807,7 @@ estimator, default="description_length"
             self._check_fitted_to(self._digests_of_long(tracks))
             return report_of_windows(self, LongClip(tracks, self.frame_gap + 1))
         points, visibility = unpack_tracks(tracks)
+        points = self._read_at_once(points, visibility)
         self._check_fitted_to(_digests(points[:, self._frames]))
         return make_report(self, points, visibility)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.shaken import shaken
+from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator
 from sklearn.cluster import KMeans
 from sklearn.utils._param_validation import InvalidParameterError
@@ -213,3 +215,18 @@ def test_coordinates_that_are_no_pixels_are_warned_of():
     X = pack_tracks(points / [1280, 720])
     with pytest.warns(UserWarning, match="multiply them by its width and height"):
         MotionSegmenter(2, n_hypotheses=20, random_state=0).fit(X)
+
+
+@pytest.mark.parametrize("n_moving", [0, 30])
+def test_a_room_before_a_rolling_shutter_is_one_motion(n_moving):
+    X, y = shaken(0.7, n_moving=n_moving, seed=1)
+    segmenter = MotionSegmenter(random_state=0).fit(X)
+    assert segmenter.n_motions_ == 1 + bool(n_moving)
+    assert misclassification_error(y, segmenter.labels_) < 0.02
+    assert_allclose(segmenter.readout_, [0, 0.7], atol=0.15)
+    assert_array_equal(segmenter.predict(X), segmenter.labels_)
+    assert_array_equal(segmenter.predict(X[7:9]), segmenter.labels_[7:9])
+    residuals = [motion.residual for motion in segmenter.report(X).motions]
+    assert max(residuals) < 0.8  # pixels: as before a shutter that reads at once
+    by_graph = MotionSegmenter(selection="ncre", random_state=0).fit(X)
+    assert_array_equal(by_graph.readout_, 0)
