@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.two_images import SIZE, two_images
+from helpers.two_images import SIZE, street, two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import MotionSegmenter
@@ -145,3 +145,17 @@ def test_few_tracks_are_segmented_too(n_tracks):
     X, _ = two_images([n_tracks], seed=n_tracks)
     assert segment(X).n_motions_ >= 1
     assert segment(X, 2).n_motions_ == 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ground_and_houses_are_one_motion(seed):
+    X, surfaces = street(seed=seed)
+    segmenter = segment(X)
+    assert segmenter.n_motions_ == 1
+    assert (segmenter.labels_ == 0).mean() > 0.95
+    X, surfaces = street(n_moving=40, seed=seed)
+    segmenter = segment(X)
+    judge((surfaces == 3).astype(int), segmenter)
+    # New tracks are placed by whichever of its surfaces explains them best.
+    again = X + 0.1 * np.random.default_rng(seed).standard_normal(X.shape)
+    assert (segmenter.predict(again) == segmenter.labels_).mean() > 0.95

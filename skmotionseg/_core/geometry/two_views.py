@@ -13,7 +13,7 @@ does, and no choice between models is needed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -163,6 +163,13 @@ class TwoViewMotions:
             )
         )
 
+    def with_rows(self, rows, other):
+        """These motions, but those of another stack in some rows."""
+        parts = [part.copy() for part in self._parts]
+        for part, theirs in zip(parts, other._parts, strict=True):
+            part[rows] = theirs
+        return TwoViewMotions(*parts)
+
     def log_densities(self, views):
         """Log density of each point of the second image, (M, n), given the first."""
         across, along, _ = squared_distances(self.fundamental, self.affine, views)
@@ -181,12 +188,19 @@ class TwoViewMotions:
         explained by it. Those of the geometry are known but for the noise, those of the
         map along the line but for the parallax.
         """
-        known = np.log(views.side / np.sqrt(2 * np.pi * np.e))
-        across, along = (
-            np.maximum(known - np.log(width), 1)
-            for width in (self.noise, self.parallax)
+        return self.costs_of_geometry(views) + MAP_UNKNOWNS * _known(
+            views, self.parallax
         )
-        return self.n_unknowns * across + MAP_UNKNOWNS * along
+
+    def costs_of_geometry(self, views):
+        """The part of them, (M,), that motions of one epipolar geometry pay once."""
+        return self.n_unknowns * _known(views, self.noise)
+
+
+def _known(views, widths):
+    """Nats that a coordinate tells that is known but for so much, at least 1."""
+    certain = np.log(views.side / np.sqrt(2 * np.pi * np.e))
+    return np.maximum(certain - np.log(widths), 1)
 
 
 def log_student(squares, scale, dimension=1):
@@ -273,10 +287,7 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
         before = _begin(views, shares)
     affine, perspective = (
         _step(views, shares, before, fit, n_unknowns, common_noise)
-        for fit, n_unknowns in (
-            (_affine_geometries, AFFINE_UNKNOWNS),
-            (_perspective_geometries, PERSPECTIVE_UNKNOWNS),
-        )
+        for fit, n_unknowns in GEOMETRIES
     )
     lengths = [
         each.costs(views) - (shares * each.log_densities(views)).sum(axis=1)
@@ -285,6 +296,46 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
     better = lengths[1] < lengths[0]
     better &= shares.sum(axis=1) >= FEWEST_FOR_PERSPECTIVE
     return affine.replaced(better, perspective)
+
+
+def fit_common_geometry(views, shares, before, rounds):
+    """Fit the surfaces of one motion: a map along the lines each, and one geometry.
+
+    Parameters
+    ----------
+    views : TwoViews
+    shares : ndarray of shape (M, n)
+        Probabilities that a track is of a surface.
+    before : TwoViewMotions
+        The surfaces as motions of their own.
+    rounds : int
+        Steps of the EM algorithm.
+
+    Returns
+    -------
+    TwoViewMotions
+        With the same fundamental matrix, noise and unknowns: those of an affine or a
+        perspective camera, whichever cost less.
+    """
+    everywhere = np.full(len(shares), before.noise.max())
+    begin = replace(
+        before, fundamental=_affine_geometries(views, _pooled(shares)), noise=everywhere
+    )
+    found = []
+    for fit, n_unknowns in GEOMETRIES:
+        motions = begin
+        for _ in range(rounds):
+            motions = _step(views, shares, motions, fit, n_unknowns, False, _pooled)
+        found.append(motions)
+    return min(found, key=lambda motions: cost_of_surfaces(views, shares, motions))
+
+
+def cost_of_surfaces(views, shares, motions):
+    """Nats of a motion of several surfaces, and of where their tracks are."""
+    n_more = len(motions) - 1
+    twice = n_more * motions.costs_of_geometry(views)[0]
+    places = (shares * motions.log_densities(views)).sum()
+    return float(motions.costs(views).sum() - twice - places)
 
 
 def _begin(views, shares):
@@ -300,17 +351,28 @@ def _begin(views, shares):
     )
 
 
-def _step(views, shares, before, fit, n_unknowns, common_noise):
+def _each(rows):
+    """Rows (M, n) of motions of their own."""
+    return rows
+
+
+def _pooled(rows):
+    """The sum of rows (M, n), for each of them."""
+    return np.broadcast_to(rows.sum(axis=0), rows.shape)
+
+
+def _step(views, shares, before, fit, n_unknowns, common_noise, pool=_each):
     """Motions whose geometry is fitted by a function, from motions before."""
     across, along, gradient = squared_distances(
         before.fundamental, before.affine, views
     )
     weights = shares * _weights(across, before.noise)
-    fundamental = fit(views, weights, gradient)
+    fundamental = fit(views, pool(weights), gradient)
     affine = _maps(views, shares * _weights(along, before.parallax))
     across, along, _ = squared_distances(fundamental, affine, views)
     weights = shares * _weights(across, before.noise)
-    noise = _noise(views, shares, weights * across, n_unknowns, common_noise)
+    squares = pool(weights * across)
+    noise = _noise(views, pool(shares), squares, n_unknowns, common_noise)
     along = _weights(along, before.parallax) * along
     parallax = np.maximum(_parallax(views, shares, along), noise)
     kinds = np.full(len(shares), n_unknowns)
@@ -373,3 +435,10 @@ def _perspective_geometries(views, weights, gradient):
     trace = np.trace(moments, axis1=1, axis2=2)[:, None, None]
     inverse = np.linalg.inv(moments / (trace + TINY) + SINGULAR * np.eye(9))
     return cheapest_rank_two(inverse)
+
+
+# What is fitted, and how many unknowns it has.
+GEOMETRIES = (
+    (_affine_geometries, AFFINE_UNKNOWNS),
+    (_perspective_geometries, PERSPECTIVE_UNKNOWNS),
+)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..labels import canonical_labels
 from .cost import Cost
 from .motions import Motions
 from .two_view_search import search_two_views
+from .two_view_surfaces import Surfaces, with_fewer_motions
 
 # The terms of a cost.
 TWO_VIEW_COST_NAMES = ("nats of labels and motions per track", "nats of places")
@@ -34,26 +35,37 @@ class TwoViewExplanation:
     side : float
         As of :class:`TwoViews`.
     found : TwoViewMotions
-    log_shares : ndarray of shape (M + 1,)
+        Of S surfaces.
+    log_shares : ndarray of shape (S + 1,)
         Logarithms of the shares of the tracks; the last is that of mismatches.
+    motion_of : ndarray of int, shape (S,)
+        The motion of each surface.
     """
 
     frames: WorkingFrames
     side: float
     found: TwoViewMotions
     log_shares: np.ndarray
+    motion_of: np.ndarray
 
     @property
     def motions(self):
         """The motions as fundamental matrices and noise."""
-        fundamental = self.found.fundamental[:, None]
-        return Motions(self.frames, fundamental, self.found.noise)
+        _, first = np.unique(self.motion_of, return_index=True)
+        fundamental = self.found.fundamental[first, None]
+        return Motions(self.frames, fundamental, self.found.noise[first])
 
     def reordered(self, order):
         """The same with the motions in another order."""
-        log_shares = self.log_shares[[*order, len(self.found)]]
-        return TwoViewExplanation(
-            self.frames, self.side, self.found[np.asarray(order)], log_shares
+        places = np.full(self.motion_of.max() + 1, -1)
+        places[order] = np.arange(len(order))
+        motion_of = places[self.motion_of]
+        kept = motion_of >= 0
+        return replace(
+            self,
+            found=self.found[kept],
+            log_shares=self.log_shares[np.append(kept, True)],
+            motion_of=motion_of[kept],
         )
 
     def nearest(self, points, visibility, labels):
@@ -71,7 +83,7 @@ class TwoViewExplanation:
         """
         seen, logarithms = self._log_probabilities(points, visibility)
         labels = labels.copy()
-        labels[seen] = logarithms[:-1].argmax(axis=0)
+        labels[seen] = self.motion_of[logarithms[:-1].argmax(axis=0)]
         return labels
 
     def reject(self, points, visibility, labels):
@@ -143,35 +155,48 @@ def two_view_partitions(geometry, counts, rng):
         None if there are too few tracks, or if what they tell is not of such numbers.
     """
     search = search_two_views(geometry.x, geometry.y, counts, rng)
-    if search is None or not set(search.best) & set(counts.tolist()):
+    best = {} if search is None else _best_by_number_of_motions(search)
+    open_counts = sorted(set(best) & set(counts.tolist()))
+    if not open_counts:
         return None
-    open_counts = sorted(set(search.best) & set(counts.tolist()))
-    labels = {count: _complete(search.best[count]) for count in open_counts}
-    costs = {count: _cost(search.best[count], geometry) for count in open_counts}
+    labels = {count: _complete(best[count]) for count in open_counts}
+    costs = {count: _cost(best[count], geometry) for count in open_counts}
     chosen = min(open_counts, key=lambda count: costs[count].total)
-    found = search.best[chosen]
+    found = best[chosen]
     order = [labels[chosen].tolist().index(label) for label in range(chosen)]
-    order = found.shares[:-1].argmax(axis=0)[order].tolist()
+    order = found.shares_of_motions.argmax(axis=0)[order]
     shares = found.shares.sum(axis=1)
     explanation = TwoViewExplanation(
         geometry.frames,
         search.scene.views.side,
         found.motions,
         np.log((shares + 1) / (shares + 1).sum()),
+        found.motion_of,
     )
     return TwoViewPartitions(
         {count: (costs[count], labels[count]) for count in open_counts},
         chosen,
-        _log_odds(search.best),
-        found.labels == chosen,
-        found.shares.max(axis=0),
+        _log_odds(best),
+        found.labels == len(found.motions),
+        np.maximum(found.shares_of_motions.max(axis=0), found.shares[-1]),
         explanation.reordered(order),
     )
 
 
+def _best_by_number_of_motions(search):
+    """Surfaces of least cost for each number of motions: dict of int to Surfaces."""
+    best: dict[int, Surfaces] = {}
+    for segmentation in search.best.values():
+        for found in with_fewer_motions(search.scene, segmentation):
+            count = found.n_motions
+            if count not in best or found.cost < best[count].cost:
+                best[count] = found
+    return best
+
+
 def _complete(found):
     """Labels of all tracks, mismatches as of their most probable motion."""
-    return canonical_labels(found.shares[:-1].argmax(axis=0))
+    return canonical_labels(found.shares_of_motions.argmax(axis=0))
 
 
 def _cost(found, geometry):
