@@ -39,7 +39,7 @@ print(f"chosen: {segmenter.n_motions_} (true: {len(set(y))})")
 # %%
 # If two numbers are nearly as probable, both partitions may be of interest:
 # ``candidate_labels_[i]`` is the best partition into ``counts_[i]`` motions. The total
-# is often lowest at the number that is chosen, but it does not choose it.
+# does not choose the number: in other clips, it is still falling there.
 
 first, second = segmenter.costs_[:, :2].T * np.reshape(weights, (2, 1))
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")
