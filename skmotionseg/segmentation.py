@@ -410,8 +410,15 @@ estimator, default="description_length"
         Raises
         ------
         ValueError
-            If every frame pair has fewer tracks than a model needs, or fewer than
-            ``n_motions`` tracks share a preferred hypothesis with another.
+            If ``X`` contains infinities or is not of an even number of columns; if
+            parameters do not go together, such as ``min_motions`` above
+            ``max_motions``; if ``frame_gap`` is so large that there is no frame pair;
+            if every frame pair has fewer tracks than a model needs; if ``n_landmarks``
+            is more than the tracks, or fewer than a model needs; if ``n_motions``, or
+            ``min_motions``, is more than the tracks, or than those that share a
+            preferred hypothesis with another.
+        MemoryError
+            If ``n_landmarks`` asks for more tracks than fit into memory.
         """
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
