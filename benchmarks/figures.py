@@ -22,7 +22,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks import reliability, report, search_gap, sensitivity, two_view_peers
+from benchmarks import (
+    online_bench,
+    reliability,
+    report,
+    search_gap,
+    sensitivity,
+    two_view_peers,
+)
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
 from skmotionseg._commands.paper_runs import FUSIONS, RULES, summarize_paper
@@ -60,6 +67,7 @@ MEASURED = {
     "reliability": reliability.COLUMNS,
     "two_view_peers": two_view_peers.COLUMNS,
     "search_gap": search_gap.COLUMNS,
+    "streams": online_bench.COLUMNS,
 }
 GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"
 

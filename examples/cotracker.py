@@ -63,7 +63,7 @@ def report(X, segmenter):
     print(f"{n_tracks} tracks in {n_frames} frames, {segmenter.n_motions_} motions")
     for motion in range(segmenter.n_motions_):
         print(f"motion {motion}: {(segmenter.labels_ == motion).sum()} tracks")
-    static = static_mask(X, segmenter.labels_)
+    static = static_mask(X, segmenter.labels_, background=segmenter.background_)
     print(f"static points per frame: {static.sum(axis=0).mean():.1f}")
 
 

@@ -11,7 +11,7 @@ under ``DIR/KT3DMoSeg``::
     python examples/many_sequences_dask.py
     python examples/many_sequences_dask.py --scheduler tcp://192.0.2.1:8786 --data DIR
 
-It needs ``pip install "skmotionseg[dask]"``.
+It needs Dask, which the extra ``dask`` installs.
 """
 
 from __future__ import annotations

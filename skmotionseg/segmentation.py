@@ -80,12 +80,13 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     """Segment the tracks of a moving camera by their motion.
 
     For each motion model, hypotheses are drawn in all frame pairs, and tracks that
-    prefer the same hypotheses get a high affinity. The affinities of all models are
-    clustered several times, for each possible number of motions. Among these
-    partitions, the one of lowest cost is chosen, which is a weighted sum of the
-    description length of the tracks and the normalised cut of the affinities. If the
-    clip is long enough, tracks are then reassigned by rigid motion over windows of
-    several frames, which finds motions that frame pairs miss.
+    prefer the same hypotheses get a high affinity. Partitions of the tracks are found
+    by clustering these affinities, and are compared and improved by how well rigid
+    motions over windows of several frames explain the tracks. The number of motions is
+    the largest of which a partition is found whose motions are all likelier different
+    than one, and the partition is the best that is found of so many. Two images, and
+    clips with few or short tracks, are segmented by rules of their own (see
+    ``selection``).
 
     A clip of more than 100 frames is segmented in windows of 30 frames that overlap by
     ten. Windows are segmented independently, in parallel, and then joined: a motion
@@ -216,12 +217,15 @@ estimator, default="description_length"
         Whether the residual is within the threshold of the track's own motion. The
         mask of motion m is ``inliers_ & (labels_ == m)``.
     counts_ : ndarray of int, shape (n_counts,)
-        The numbers of motions that were tried.
+        The numbers of motions of which a partition was compared, ascending. They may
+        end before ``max_motions``, where more motions are not worth a search.
     costs_ : ndarray of shape (n_counts, 3)
         For each number, two terms, such as the share of affinities between different
-        motions and the nats per track, and their weighted sum. The number with the
-        lowest sum is chosen; with ``selection="description_length"``, only if each two
-        of its motions gain from being separate.
+        motions and the nats per track, and their weighted sum. With
+        ``selection="description_length"`` in clips of at least three frames and twelve
+        tracks, the number is chosen by ``log_odds_``, whatever the sums are. Otherwise
+        the number with the lowest sum is chosen; where partitions are compared by frame
+        pairs, only if each two of its motions gain from being separate.
     cost_names_ : (str, str)
         Names of the two terms.
     cost_weights_ : (float, float)
@@ -233,8 +237,9 @@ estimator, default="description_length"
     best_index_ : int
         Index of the chosen count.
     gainless_pairs_ : ndarray of int, shape (n_counts, 2)
-        For each number, two motions of its partition that gain too little from being
-        separate, if it was rejected for this reason; otherwise -1.
+        For each number, two motions of its partition that are likelier one than two or,
+        by frame pairs, gain too little from being separate, if it was rejected for this
+        reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
         For each number, the log odds that the two most similar motions of its partition
         are two and not one; between two images, that there are so many motions and not
@@ -413,8 +418,15 @@ estimator, default="description_length"
         Raises
         ------
         ValueError
-            If every frame pair has fewer tracks than a model needs, or fewer than
-            ``n_motions`` tracks share a preferred hypothesis with another.
+            If ``X`` contains infinities or is not of an even number of columns; if
+            parameters do not go together, such as ``min_motions`` above
+            ``max_motions``; if ``frame_gap`` is so large that there is no frame pair;
+            if every frame pair has fewer tracks than a model needs; if ``n_landmarks``
+            is more than the tracks, or fewer than a model needs; if ``n_motions``, or
+            ``min_motions``, is more than the tracks, or than those that share a
+            preferred hypothesis with another.
+        MemoryError
+            If ``n_landmarks`` asks for more tracks than fit into memory.
         """
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")

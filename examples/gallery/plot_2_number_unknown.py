@@ -2,13 +2,17 @@
 How many motions? Reading the costs
 ===================================
 
-With ``n_motions="auto"``, each number of motions from ``min_motions`` to
-``max_motions`` is tried. ``costs_`` holds the costs of the best partition for each
-number: a cost of the affinities that it cuts, the length of the description of its
-tracks, in nats, and their weighted sum. ``cost_names_`` says which costs these are.
+With ``n_motions="auto"``, the number of motions is the largest of which a partition is
+found whose motions are all likelier different than one. ``log_odds_`` holds, for each
+number in ``counts_``, the log odds that the two most similar motions of its best
+partition are two and not one, and ``count_probabilities_`` the probability of the
+number. ``counts_`` may end before ``max_motions``, where more motions are not worth a
+search.
 
-The first increases with the number of motions, and the second decreases as long as more
-motions describe the tracks better, so the total has a minimum in between.
+``costs_`` tells what a larger number saves: the share of the links between tracks that
+it cuts, the length of the description of its tracks, in nats, and their weighted sum.
+``cost_names_`` says which costs these are. The first increases with the number of
+motions, and the second decreases as long as more motions describe the tracks better.
 """
 
 import matplotlib.pyplot as plt
@@ -24,17 +28,18 @@ names = [
     name if weight == 1 else f"{weight:g} x {name}"
     for weight, name in zip(weights, segmenter.cost_names_, strict=True)
 ]
-print(f"motions   {names[0]:>22s}   {names[1]:>22s}   {'total':>7s}")
-for count, costs in zip(segmenter.counts_, segmenter.costs_, strict=True):
+print(f"motions   {names[0]:>27s}   {names[1]:>14s}   {'total':>5s}   log odds")
+for count, costs, odds in zip(
+    segmenter.counts_, segmenter.costs_, segmenter.log_odds_, strict=True
+):
     first, second = costs[:2] * weights
-    print(f"{count:7d}   {first:22.2f}   {second:22.2f}   {costs[2]:7.2f}")
+    print(f"{count:7d} {first:29.2f} {second:16.2f} {costs[2]:7.2f} {odds:10.1f}")
 print(f"chosen: {segmenter.n_motions_} (true: {len(set(y))})")
 
 # %%
-# If two totals are close, both partitions may be of interest:
-# ``candidate_labels_[i]`` is the best partition into ``counts_[i]`` motions. The number
-# of the lowest total is not chosen if two of its motions gain too little from being
-# separate.
+# If two numbers are nearly as probable, both partitions may be of interest:
+# ``candidate_labels_[i]`` is the best partition into ``counts_[i]`` motions. The total
+# does not choose the number: in other clips, it is still falling there.
 
 first, second = segmenter.costs_[:, :2].T * np.reshape(weights, (2, 1))
 figure, ax = plt.subplots(figsize=(7, 4), layout="constrained")

@@ -4,7 +4,7 @@ From a video to a coloured video
 
 :func:`~skmotionseg.video.track_video` follows points through a video, or a folder of
 frames, and :func:`~skmotionseg.video.render_segmentation` draws their motions on it.
-Both need OpenCV: ``pip install "skmotionseg[video]"``. The video is rendered from two
+Both need OpenCV, which the extra ``video`` installs. The video is rendered from two
 photographs that come with scikit-learn: a camera pans over a temple and zooms in, two
 discs cut out of a flower fly before it, and the light fades.
 """

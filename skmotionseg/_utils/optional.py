@@ -17,7 +17,9 @@ def require(module, *, extra):
     Raises
     ------
     ImportError
-        If it is missing, with the command that installs it.
+        If it is missing, with the command that installs it. As the package itself is
+        installed, that adds only what the extra needs, and no index has to know the
+        package.
     """
     try:
         return import_module(module)

@@ -1,6 +1,6 @@
 """Pictures of segmentations and of why they came out so.
 
-Needs matplotlib: ``pip install "skmotionseg[plot]"``. The displays work as those of
+Needs matplotlib, which the extra ``plot`` installs. The displays work as those of
 scikit-learn do: made by ``from_estimator`` or ``from_predictions``, drawn again by
 ``plot``, with axes and artists as attributes.
 """

@@ -69,8 +69,8 @@ class AffinityDisplay:
     References
     ----------
     .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
-       Unknown Number of Models", IEEE TPAMI 43(1), 2021, eq. 9 and the figure of
-       its section on model selection, a to h.
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021, eq. 9, and panels a to h
+       of the figure of its section on model selection.
        https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples

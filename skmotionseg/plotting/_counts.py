@@ -66,8 +66,8 @@ class CountDisplay:
     References
     ----------
     .. [1] X. Xu, L.-F. Cheong and Z. Li, "3D Rigid Motion Segmentation with Mixed and
-       Unknown Number of Models", IEEE TPAMI 43(1), 2021, the figure of its section
-       on model selection, i.
+       Unknown Number of Models", IEEE TPAMI 43(1), 2021: panel i of the figure of
+       its section on model selection.
        https://doi.org/10.1109/TPAMI.2019.2929146
 
     Examples

@@ -1,6 +1,6 @@
 """From video to tracks, and from labels of tracks back to pixels.
 
-Needs OpenCV: ``pip install "skmotionseg[video]"``.
+Needs OpenCV, which the extra ``video`` installs.
 """
 
 from ._masks import dense_masks

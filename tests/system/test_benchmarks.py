@@ -481,16 +481,35 @@ def test_sensitivity_needs_data_or_a_record(capsys, tmp_path):
     assert "none of KT3DMoSeg" in capsys.readouterr().err
 
 
-def test_streams_are_measured_beside_whole_clips(monkeypatch, capsys):
+def test_streams_are_measured_beside_whole_clips(monkeypatch, capsys, tmp_path):
     X, y = make_rigid_motions(n_tracks=60, n_frames=11, random_state=0)
     clip = Bunch(name="clip", data=X, target=y)
     monkeypatch.setitem(online_bench.LOADERS, "MTPV62", lambda folder: [clip])
-    online_bench.main(["--data", "here", "--datasets", "MTPV62", "--seeds", "0"])
-    of_clip, stream, whole = capsys.readouterr().out.splitlines()
-    errors = of_clip.split()[1:]
-    assert stream == f"MTPV62: stream {errors[0]} (by seed {errors[0]})"
-    assert whole == f"MTPV62: whole clip {errors[1]} (by seed {errors[1]})"
-    assert max(map(float, errors)) < 20
+    record = tmp_path / "accuracy.json"
+    arguments = ["--data", "here", "--datasets", "MTPV62", "--seeds", "0"]
+    online_bench.main([*arguments, "--json", str(record)])
+    of_clip, *_, row, _, _ = capsys.readouterr().out.splitlines()
+    stream, whole = map(float, of_clip.split()[1:])
+    cells = [cell.strip() for cell in row.strip("|").split("|")]
+    assert cells == ["MTPV62", f"{stream:.1f}", f"{stream:.1f}", f"{whole:.1f}"]
+    assert max(stream, whole) < 20
+    (stored,) = json.loads(record.read_text())["streams"]
+    assert (stored["row"], stored["n_sequences"]) == ("MTPV62", 1)
+    errors = [*stored["stream"], *stored["whole"]]
+    np.testing.assert_allclose(errors, [stream, whole], atol=0.005)  # as printed
+
+
+def test_errors_of_streams_are_means_over_clips_and_seeds(monkeypatch):
+    def errors(X, y, seed):
+        return [0.01 * X + 0.02 * seed, 0.1]
+
+    monkeypatch.setattr(online_bench, "errors_at_last_frame", errors)
+    clips = [Bunch(name="", data=n, target=None) for n in (1, 3)]
+    row = online_bench.measure("KT3DMoSeg", clips, [0, 1])
+    np.testing.assert_allclose(row["stream"], [2, 4])
+    np.testing.assert_allclose(row["whole"], [10, 10])
+    cells = [cell(row) for cell in online_bench.COLUMNS.values()]
+    assert cells == ["KT3DMoSeg", "3.0", "2.0, 4.0", "10.0"]
 
 
 def follow(layer, n_frames):

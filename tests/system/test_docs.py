@@ -42,3 +42,16 @@ def test_links_to_files_lead_somewhere(page):
 def test_the_citation_is_of_this_version():
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {skmotionseg.__version__}\n" in citation
+
+
+def test_the_code_of_the_readme_runs_and_is_that_of_the_first_page(capsys):
+    shown = [
+        re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), flags=re.DOTALL)
+        for page in ("README.md", "docs/index.md")
+    ]
+    assert shown[0] == shown[1]
+    (code,) = shown[0]
+    names: dict = {}
+    exec(code, names)
+    assert names["segmenter"].n_motions_ == 3
+    assert "3 motions in 120 tracks" in capsys.readouterr().out

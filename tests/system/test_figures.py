@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 
 import pytest
@@ -124,3 +125,13 @@ def test_rows_of_long_videos_reach_the_page(copies):
     assert cells[1:5] == ["400", "2", "25.00 (12.50-37.50)", "4, 4"]
     assert cells[5:7] == ["50", "125 (62-188)"]
     assert cells[-3:] == ["0.50 (0.50-0.50)", "128 (128-128)", "32"]
+
+
+def test_rows_of_streams_reach_the_page(copies):
+    row = {"row": "MTPV62", "n_sequences": 6, "stream": [1.25, 3.75], "whole": [0, 1]}
+    report.save(copies / "docs" / "accuracy.json", "streams", [row])
+    assert figures.main([]) == 0
+    page = (copies / "docs" / "results.md").read_text()
+    (line,) = re.findall(r"^\| MTPV62 +\|(.*)\|$", page, flags=re.MULTILINE)
+    cells = [cell.strip() for cell in line.split("|")]
+    assert cells == ["2.5", "1.2, 3.8", "0.5"]

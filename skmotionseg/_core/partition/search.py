@@ -58,8 +58,13 @@ class PartitionSearch:
     ----------
     counts : ndarray of int, shape (n_counts,)
     costs : ndarray of shape (n_counts, 3)
-        Normalised cut (summed over the views), the other cost (description length in
-        nats per observation, or reconstruction error) and total.
+        The terms that ``cost_names`` names, and their weighted total: by rigid motion,
+        the share of the links that go to other motions, and nats per track; by frame
+        pairs, the normalised cut, summed over the views, and the description length per
+        observation; between two images, nats per track of labels and motions, and of
+        places; by the graph, what the selector compares. By rigid motion, the total
+        does not choose the number of motions: it is the largest of which a partition is
+        found whose motions are all likelier different than one.
     labels : ndarray of int, shape (n_counts, n)
         -1 for tracks without affinity to another.
     best : int
