@@ -13,7 +13,7 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 
 from ._core.geometry.motion_models import MotionModel
-from ._segmenter.views import ALL_MODELS, check_models, make_view, view_seeds
+from ._segmenter.views import DEFAULT_MODELS, check_models, make_view, view_seeds
 from ._utils.validation import check_cacheable
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
@@ -124,7 +124,7 @@ class ModelUnion(FeatureUnion):
 
 
 def make_motion_pipeline(
-    models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
+    models: str | MotionModel | Sequence[str | MotionModel] = DEFAULT_MODELS,
     n_clusters: int | str = "auto",
     *,
     n_hypotheses: int = 500,

@@ -48,7 +48,7 @@ from ._segmenter.motions import label_reasons, motions_in_pixels
 from ._segmenter.report import SegmentationReport, make_report, report_of_windows
 from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
-    ALL_MODELS,
+    DEFAULT_MODELS,
     check_models,
     fit_views,
     make_view,
@@ -350,7 +350,7 @@ estimator, default="description_length"
         self,
         n_motions: int | str = "auto",
         *,
-        models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
+        models: str | MotionModel | Sequence[str | MotionModel] = DEFAULT_MODELS,
         n_hypotheses: int = 500,
         frame_gap: int = 1,
         kernel: ORKKernel | None = None,

@@ -23,7 +23,11 @@ from ..kernels import ORKKernel
 from ..sampling import HypothesisSampler
 from .memory import TRACKS_PER_BATCH
 
-ALL_MODELS = tuple(MOTION_MODELS)
+# Models that are combined unless others are asked for.
+DEFAULT_MODELS = ("affine", "homography", "fundamental")
+# Models whose seeds are drawn whether or not they take part, in this order. Both are
+# written out: another built-in model changes no result unless it is asked for.
+SEEDED_MODELS = ("affine", "homography", "fundamental")
 # Frame pairs that tell whom a track moves with. Where the fitted ones are seen in twice
 # as many or more, every second pair, or fewer, is looked at.
 PAIRS_TO_PLACE = 12
@@ -52,8 +56,8 @@ def check_models(
 def view_seeds(random_state, models):
     """Seeds by name: of each model, and of "clustering".
 
-    The seed of a model does not depend on which others there are: those of the built-in
-    models are always all drawn, and all others share one.
+    The seed of a model does not depend on which others there are: those of
+    :data:`SEEDED_MODELS` are always all drawn, and all others share one.
 
     Parameters
     ----------
@@ -64,7 +68,7 @@ def view_seeds(random_state, models):
     -------
     dict of str to int
     """
-    names = [*ALL_MODELS, "clustering"]
+    names = [*SEEDED_MODELS, "clustering"]
     most = np.iinfo(np.int32).max
     drawn = random_state.randint(most, size=len(names))
     seeds = dict(zip(names, map(int, drawn), strict=True))

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.own_models import SHIFT
+from helpers.scripts import run_limited
 from joblib import Memory
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
@@ -155,6 +156,16 @@ def test_the_pipeline_is_the_papers_segmenter_taken_apart(scene, models, count):
     labels = MotionSegmenter(count, **params, **PAPER).fit_predict(X)
     pipeline = make_motion_pipeline(n_clusters=count, sparsity=6, **params, **SMALL)
     assert_array_equal(pipeline.fit_predict(X), labels)
+
+
+def test_another_built_in_model_changes_no_result_of_the_default():
+    before, after = (
+        run_limited("fourth_model.py", how, seconds=120) for how in ("as it is", "more")
+    )
+    assert before.returncode == after.returncode == 0, before.stderr + after.stderr
+    assert before.stderr.strip() == "unknown"
+    assert after.stderr.strip() == "other affine"
+    assert before.stdout == after.stdout
 
 
 # --------------------------------------------------------------------- many sequences
