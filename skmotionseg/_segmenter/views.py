@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from hashlib import blake2b
 
 import numpy as np
 from sklearn.base import clone
@@ -57,7 +58,8 @@ def view_seeds(random_state, models):
     """Seeds by name: of each model, and of "clustering".
 
     The seed of a model does not depend on which others there are: those of
-    :data:`SEEDED_MODELS` are always all drawn, and all others share one.
+    :data:`SEEDED_MODELS` are always all drawn, and those of all others follow from one
+    more and their names.
 
     Parameters
     ----------
@@ -73,9 +75,16 @@ def view_seeds(random_state, models):
     drawn = random_state.randint(most, size=len(names))
     seeds = dict(zip(names, map(int, drawn), strict=True))
     others = [model.name for model in models if model.name not in seeds]
-    return seeds | dict.fromkeys(
-        others, int(random_state.randint(most)) if others else 0
-    )
+    if others:
+        drawn = random_state.randint(most)
+        seeds |= {name: _seed_by_name(drawn, name) for name in others}
+    return seeds
+
+
+def _seed_by_name(seed, name):
+    """A seed below 2**31, the same in every process."""
+    digest = blake2b(f"{seed} {name}".encode(), digest_size=4).digest()
+    return int.from_bytes(digest, "little") >> 1
 
 
 def make_view(model, seed, *, n_hypotheses, frame_gap=1, kernel=None):
