@@ -13,7 +13,13 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 
 from ._core.geometry.motion_models import MotionModel
-from ._segmenter.views import DEFAULT_MODELS, check_models, make_view, view_seeds
+from ._segmenter.views import (
+    DEFAULT_MODELS,
+    check_models,
+    list_models,
+    make_view,
+    view_seeds,
+)
 from ._utils.validation import check_cacheable
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
@@ -30,8 +36,8 @@ class ModelUnion(FeatureUnion):
     ----------
     transformer_list : list of (str, transformer)
         By the name of the model.
-    models : sequence of str or None, default=None
-        Those that take part; None is all.
+    models : sequence of str or MotionModel, or None, default=None
+        Those that take part, by name or as objects; None is all.
     n_jobs : int or None, default=None
         Number of models to fit in parallel. ``None`` means 1 unless in a
         :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
@@ -46,7 +52,7 @@ class ModelUnion(FeatureUnion):
         self,
         transformer_list: list[tuple[str, Any]],
         *,
-        models: Sequence[str] | None = None,
+        models: str | MotionModel | Sequence[str | MotionModel] | None = None,
         n_jobs: int | None = None,
         transformer_weights: dict[str, float] | None = None,
         verbose: bool = False,
@@ -64,10 +70,8 @@ class ModelUnion(FeatureUnion):
     def _chosen(self) -> FeatureUnion:
         """The same without the models that do not take part."""
         names = [name for name, _ in self.transformer_list]
-        models = [self.models] if isinstance(self.models, str) else self.models
-        chosen = names if models is None else list(models)
-        unknown = sorted(set(chosen) - set(names))
-        if unknown or not chosen:
+        chosen = names if self.models is None else _names_of(self.models)
+        if not chosen or not all(name in names for name in chosen):
             raise ValueError(f"models must be some of {names}; got {chosen}")
         union = FeatureUnion(
             [
@@ -84,6 +88,17 @@ class ModelUnion(FeatureUnion):
             union._sklearn_output_config = config
         return union
 
+    def _to_fit(self) -> FeatureUnion:
+        """The models that take part, of which some must not be dropped."""
+        union = self._chosen()
+        if all(view == "drop" for _, view in union.transformer_list):
+            names = [name for name, _ in self.transformer_list]
+            raise ValueError(
+                f"a union needs at least one view; of {names}, all are dropped or not "
+                f"among models={self.models!r}"
+            )
+        return union
+
     def _keep(self, union: FeatureUnion) -> None:
         """Take over the views that were fitted."""
         self.transformer_list[:] = [
@@ -94,14 +109,14 @@ class ModelUnion(FeatureUnion):
         ]
 
     def fit(self, X: npt.ArrayLike, y: object = None, **fit_params: Any) -> Self:
-        union = self._chosen().fit(X, y, **fit_params)
+        union = self._to_fit().fit(X, y, **fit_params)
         self._keep(union)
         return self
 
     def fit_transform(
         self, X: npt.ArrayLike, y: object = None, **params: Any
     ) -> npt.NDArray[np.floating]:
-        union = self._chosen()
+        union = self._to_fit()
         affinities = union.fit_transform(X, y, **params)
         self._keep(union)
         return affinities
@@ -121,6 +136,14 @@ class ModelUnion(FeatureUnion):
 
     def __sklearn_is_fitted__(self) -> bool:
         return self._chosen().__sklearn_is_fitted__()
+
+
+def _names_of(models):
+    """Names of models, which may be objects; what is neither stays."""
+    return [
+        model.name if isinstance(model, MotionModel) else model
+        for model in list_models(models)
+    ]
 
 
 def make_motion_pipeline(

@@ -34,6 +34,26 @@ SEEDED_MODELS = ("affine", "homography", "fundamental")
 PAIRS_TO_PLACE = 12
 
 
+def list_models(
+    models: str | MotionModel | Iterable[str | MotionModel],
+) -> list[str | MotionModel]:
+    """Models as a list, of one or of several.
+
+    Raises
+    ------
+    TypeError
+        If they are something else.
+    """
+    if isinstance(models, str | MotionModel):
+        return [models]
+    if not isinstance(models, Iterable):
+        raise TypeError(
+            "models must be names of motion models or MotionModel objects; got "
+            f"{models!r}"
+        )
+    return list(models)
+
+
 def check_models(
     models: str | MotionModel | Iterable[str | MotionModel],
 ) -> list[MotionModel]:
@@ -41,10 +61,11 @@ def check_models(
 
     Raises
     ------
-    ValueError
-        If there are none, or two of one name, or a name that is none.
+    TypeError, ValueError
+        If they are no models, there are none, or two of one name, or a name that is
+        none.
     """
-    given = [models] if isinstance(models, str | MotionModel) else list(models)
+    given = list_models(models)
     if not given:
         raise ValueError("models must name at least one motion model; got none")
     found = [get_motion_model(model) for model in given]

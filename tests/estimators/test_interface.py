@@ -9,6 +9,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from helpers.own_models import SHIFT
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.metrics import adjusted_rand_score, get_scorer, make_scorer
@@ -23,6 +24,7 @@ from sklearn.pipeline import make_pipeline
 from skmotionseg import (
     EigengapModelSelector,
     HypothesisSampler,
+    MotionModel,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
@@ -194,10 +196,47 @@ def test_subsets_of_the_models_are_one_key_of_a_grid(tracks):
         assert union.n_features_in_ == X.shape[1]
 
 
-def test_models_of_a_union_must_be_there(tracks):
-    union = make_motion_pipeline(**SMALL)[0].set_params(models=("rigid",))
-    with pytest.raises(ValueError, match=r"models must be some of .*got \['rigid'\]"):
+@pytest.mark.parametrize(
+    "models, words",
+    [
+        (("rigid",), r"models must be some of \['affine', .*got \['rigid'\]"),
+        (SHIFT, r"models must be some of .*; got \['shift'\]"),
+        (("affine", 3), r"models must be some of .*; got \['affine', 3\]"),
+        ((), r"models must be some of .*; got \[\]"),
+        (3, "models must be names of motion models or MotionModel objects; got 3"),
+    ],
+)
+def test_models_of_a_union_must_be_there(models, words, tracks):
+    union = make_motion_pipeline(**SMALL)[0].set_params(models=models)
+    with pytest.raises((TypeError, ValueError), match=words):
         union.fit(tracks[0])
+
+
+def test_models_of_a_union_may_be_objects(tracks):
+    X, _ = tracks
+    pipeline = make_motion_pipeline((SHIFT, "affine", "homography"), 2, **SMALL)
+    affine = MotionModel.built_in("affine")
+    for given, names in [
+        (SHIFT, ["shift"]),
+        ((SHIFT, affine), ["shift", "affine"]),
+        (["homography", affine], ["affine", "homography"]),
+    ]:
+        by_object = pipeline.set_params(affinity__models=given).fit_predict(X)
+        by_name = pipeline.set_params(affinity__models=names).fit_predict(X)
+        assert_array_equal(by_object, by_name)
+
+
+@pytest.mark.parametrize("dropped", [["affine", "homography"], ["affine"]])
+def test_a_union_needs_a_view(dropped, tracks):
+    models = ("affine", "homography")
+    union = make_motion_pipeline(models, **SMALL)[0].set_params(
+        models=dropped, **dict.fromkeys(dropped, "drop")
+    )
+    for fit in (union.fit, union.fit_transform):
+        with pytest.raises(
+            ValueError, match=r"at least one view; of .*all are dropped"
+        ):
+            fit(tracks[0])
 
 
 # ------------------------------------------------------------------------------ scorers
