@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -64,6 +63,7 @@ from ._utils.validation import (
     check_cacheable,
     check_estimator_parameters,
 )
+from ._utils.warning import warn_user
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
@@ -412,11 +412,10 @@ estimator, default="description_length"
         check_cacheable(self.memory, self.random_state, "random_state")
         tracks = self._read_tracks(X, reset=True)
         if are_shares(tracks):
-            warnings.warn(
+            warn_user(
                 f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "
                 "they are not pixels, in which noise is measured: if they are shares "
                 "of the image's size, multiply them by its width and height",
-                stacklevel=2,
             )
         self._forget()
         self._check_counts(len(tracks))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
 import numpy.typing as npt
 from sklearn.utils.validation import check_memory, check_non_negative, validate_data
+
+from .warning import warn_user
 
 # Where stacked affinities are not square or not symmetric, this is the usual cause.
 OF_A_FOLD = (
@@ -157,10 +158,9 @@ def check_cacheable(memory: object, random_state: object, name: str) -> None:
         Of the parameter, for the message.
     """
     if memory is not None and not isinstance(random_state, int | np.integer):
-        warnings.warn(
+        warn_user(
             f"memory has no effect without an integer {name}, because other seeds "
             f"give other results; got {name}={random_state!r}",
-            stacklevel=4,
         )
 
 

@@ -34,7 +34,7 @@ from skmotionseg import (
     make_motion_pipeline,
     unpack_tracks,
 )
-from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import misclassification_error, sequence_scorer
 from skmotionseg.plotting import CountDisplay
 
@@ -379,6 +379,30 @@ def test_memory_without_a_seed_is_warned_of(seed, tracks, tmp_path):
         warnings.filterwarnings("ignore", "Persisting input arguments")
         segmenter.set_params(random_state=0).fit(X)
         PerSequence(segmenter, memory=str(tmp_path)).fit([X])
+
+
+def test_warnings_point_at_the_code_of_the_user(tracks, tmp_path):
+    X, y = tracks
+    shares, table = X / 1280, tmp_path / "shares.npz"
+    np.savez(table, tracks=shares)
+    fast = {"n_hypotheses": 20, "selection": "ncre"}
+    segmenter = MotionSegmenter(2, **fast, random_state=0)
+    forgetful = MotionSegmenter(2, memory=str(tmp_path), **fast)
+    search = GridSearchCV(segmenter, {"lam": [0.1]}, scoring=lambda *_: 0, cv=whole(X))
+    calls = {
+        "fit": lambda: segmenter.fit(shares),
+        "fit_predict": lambda: segmenter.fit_predict(shares),
+        "pipeline": lambda: make_pipeline("passthrough", segmenter).fit(shares),
+        "search": lambda: search.fit(shares, y),
+        "memory": lambda: forgetful.fit(X),
+        "memory in a pipeline": lambda: make_motion_pipeline(memory=str(tmp_path)),
+        "sequences": lambda: PerSequence(forgetful, memory=str(tmp_path)).fit([X]),
+        "file": lambda: load_tracks(table),
+    }
+    for name, call in calls.items():
+        with pytest.warns(UserWarning) as caught:
+            call()
+        assert {each.filename for each in caught} == {__file__}, name
 
 
 @pytest.mark.parametrize("outliers", [0, 0.2])
