@@ -64,6 +64,26 @@ def test_a_focal_length_that_is_given_is_kept(movie):
     assert segmenter.n_motions_ == 2
 
 
+@pytest.mark.parametrize("name, value", [("n_motions", 0), ("keep_history", False)])
+def test_parameters_cannot_change_after_the_first_frame(name, value, movie):
+    points, ids = movie.frame(0)
+    segmenter = OnlineMotionSegmenter(random_state=np.random.RandomState(0))
+    segmenter.update(points, ids)
+    old = segmenter.get_params()
+    segmenter.set_params(**{name: value})
+    words = rf"{name} was {old[name]!r} and is {value!r}: clone\(segmenter\) starts"
+    with pytest.raises(ValueError, match=words):
+        segmenter.update(points, ids)
+    assert segmenter.n_frames_ == 1
+    # As they were, it goes on, be it somewhere else.
+    segmenter = pickle.loads(pickle.dumps(segmenter.set_params(**{name: old[name]})))
+    segmenter.update(points, ids)
+    segmenter.random_state = np.random.RandomState(0)  # another one
+    with pytest.raises(ValueError, match="random_state was"):
+        segmenter.update(points, ids)
+    clone(segmenter.set_params(keep_history=False)).update(points, ids)
+
+
 def test_identities_last(movie, played):
     table, events, segmenter = played
     assert kinds(events) == ["start"]
