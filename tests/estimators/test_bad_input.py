@@ -594,11 +594,19 @@ def test_bad_arguments_of_functions(call, error, words):
         ({"shapes": ()}, "shapes must be of"),
         ({"camera": "drone"}, "camera of .* got .* 'drone'"),
         ({"random_state": "zero"}, "'zero' cannot be used to seed"),
+        ({"n_tracks": 60.5}, "n_tracks must be a whole number; got 60.5"),
+        ({"n_frames": 6.5}, "n_frames must be a whole number; got 6.5"),
+        ({"n_motions": "2"}, "n_motions must be a whole number; got '2'"),
+        ({"missing": "x"}, "missing must be a number; got 'x'"),
+        ({"noise": "a"}, "noise must be a number; got 'a'"),
+        ({"outliers": None}, "outliers must be a number; got None"),
+        ({"shapes": 3}, "shapes must be of .*3"),
+        ({"shapes": ([],)}, "shapes must be of"),
     ],
     ids=str,
 )
 def test_bad_scenes(scene, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((TypeError, ValueError), match=words):
         make_rigid_motions(**scene)
 
 
