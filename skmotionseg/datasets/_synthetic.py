@@ -79,8 +79,7 @@ def make_rigid_motions(
     >>> [int((y == motion).sum()) for motion in range(3)]
     [40, 20, 10]
     """
-    one_shape = isinstance(shapes, str) or not np.iterable(shapes)
-    shapes = (shapes,) if one_shape else tuple(shapes)
+    shapes = _as_tuple(shapes)
     _check_types(Integral, n_tracks=n_tracks, n_frames=n_frames, n_motions=n_motions)
     _check_types(Real, missing=missing, noise=noise, outliers=outliers)
     _check_scene(n_frames, n_motions, shapes, camera)
@@ -104,6 +103,12 @@ def make_rigid_motions(
     y = np.repeat([*range(n_motions), -1], [*sizes, n_outliers])
     visibility = _lifetimes(n_tracks, n_frames, missing, rng)
     return tuple(shuffle(pack_tracks(points, visibility), y, random_state=rng))
+
+
+def _as_tuple(shapes):
+    """Of one shape or of several."""
+    alone = isinstance(shapes, str) or not np.iterable(shapes)
+    return (shapes,) if alone else tuple(shapes)
 
 
 def _check_types(kind, **numbers):
