@@ -13,6 +13,7 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 
 from ._core.geometry.motion_models import MotionModel
+from ._core.graph.fusion import check_fusion
 from ._segmenter.views import (
     DEFAULT_MODELS,
     check_models,
@@ -20,7 +21,7 @@ from ._segmenter.views import (
     make_view,
     view_seeds,
 )
-from ._utils.validation import check_cacheable
+from ._utils.validation import N_JOBS, check_cacheable, check_estimator_parameters
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
@@ -47,6 +48,8 @@ class ModelUnion(FeatureUnion):
     verbose_feature_names_out : bool, default=True
         As for :class:`~sklearn.pipeline.FeatureUnion`.
     """
+
+    _parameter_constraints: dict = {"n_jobs": N_JOBS}
 
     def __init__(
         self,
@@ -90,6 +93,7 @@ class ModelUnion(FeatureUnion):
 
     def _to_fit(self) -> FeatureUnion:
         """The models that take part, of which some must not be dropped."""
+        self._validate_params()
         union = self._chosen()
         if all(view == "drop" for _, view in union.transformer_list):
             names = [name for name, _ in self.transformer_list]
@@ -203,6 +207,11 @@ def make_motion_pipeline(
         ``cluster__lam``, ``cluster__gamma``, ``cluster__delta``,
         ``cluster__n_clusters``, ``affinity__affine__sampler__n_hypotheses``, ...
 
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is none that its step takes.
+
     Examples
     --------
     >>> from skmotionseg import make_motion_pipeline
@@ -215,8 +224,6 @@ def make_motion_pipeline(
     ... ).shape
     (70,)
     """
-    if isinstance(n_clusters, str) and n_clusters != "auto":
-        raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
     kernel = ORKKernel(
         top=top, sparsity=sparsity, covisibility_prior=covisibility_prior
     )
@@ -232,9 +239,20 @@ def make_motion_pipeline(
         min_clusters=min_clusters,
         max_clusters=max_clusters,
     )
-    return Pipeline(
+    pipeline = Pipeline(
         [("affinity", ModelUnion(views, n_jobs=n_jobs)), ("cluster", clusterer)]
     )
+    _check_parts(pipeline)
+    return pipeline
+
+
+def _check_parts(pipeline):
+    """Refuse parameters of the steps as their fits would, before any work."""
+    check_estimator_parameters(pipeline)
+    clusterer = pipeline["cluster"]
+    clusterer._range_of_counts()
+    if clusterer.fusion is not None:
+        check_fusion(clusterer.fusion)
 
 
 def _make_views(models, random_state, memory, given):

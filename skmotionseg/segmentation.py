@@ -57,6 +57,7 @@ from ._segmenter.views import (
 )
 from ._utils.validation import (
     LARGEST_SHARE,
+    N_JOBS,
     TooFewTracksError,
     TracksInput,
     are_shares,
@@ -342,7 +343,7 @@ estimator, default="description_length"
             None,
         ],
         "memory": [str, os.PathLike, Memory, None],
-        "n_jobs": [Integral, None],
+        "n_jobs": N_JOBS,
         "random_state": ["random_state"],
     }
 

@@ -21,7 +21,7 @@ from ._core.geometry.tracks import as_array
 from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
-from ._utils.validation import as_memory, check_cacheable, unmasked
+from ._utils.validation import N_JOBS, as_memory, check_cacheable, unmasked
 from ._version import __version__
 from .metrics import misclassification_error
 
@@ -81,7 +81,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
     _parameter_constraints: dict = {
         "estimator": [HasMethods(["fit_predict", "get_params", "set_params"])],
-        "n_jobs": [Integral, None],
+        "n_jobs": N_JOBS,
         "memory": [str, os.PathLike, Memory, None],
     }
 

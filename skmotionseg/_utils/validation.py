@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import os
+from numbers import Integral
 
 import numpy as np
 import numpy.typing as npt
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_memory, check_non_negative, validate_data
 
 from .warning import warn_user
 
+# Constraint of the parameter ``n_jobs``: 0 has no meaning.
+N_JOBS = [
+    Interval(Integral, 1, None, closed="left"),
+    Interval(Integral, None, -1, closed="right"),
+    None,
+]
 # Where stacked affinities are not square or not symmetric, this is the usual cause.
 OF_A_FOLD = (
     "the rows of a fold are no stacked affinities: cross-validate tracks, with "
