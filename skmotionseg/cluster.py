@@ -27,6 +27,8 @@ from ._utils.validation import (
     split_views,
 )
 
+__all__ = ["MultiModelSpectralClustering"]
+
 
 class AffinityInput:
     """Mixin of the clusterers whose rows are stacked, precomputed affinities.

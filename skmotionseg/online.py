@@ -22,6 +22,8 @@ from ._segmenter.motions import stream_reasons
 from ._utils.validation import TooFewTracksError, check_farthest, unmasked
 from .segmentation import MotionSegmenter
 
+__all__ = ["Event", "OnlineMotionSegmenter"]
+
 # Motions that are looked for in the first frames, if their number is not given.
 MOST_AT_FIRST = 10
 # Probability of fewer motions than live by which some are merged: what is missing is
@@ -311,6 +313,3 @@ def _checked_frame(points, track_ids):
             f"{counts.max()} times"
         )
     return points.astype(np.float64), ids.astype(np.int64)
-
-
-__all__ = ["Event", "OnlineMotionSegmenter"]

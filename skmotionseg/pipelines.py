@@ -26,6 +26,8 @@ from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
 
+__all__ = ["ModelUnion", "make_motion_pipeline"]
+
 
 class ModelUnion(FeatureUnion):
     """Affinities of several motion models, side by side; ``models`` says of which.
@@ -47,9 +49,42 @@ class ModelUnion(FeatureUnion):
     verbose : bool, default=False
     verbose_feature_names_out : bool, default=True
         As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+    Attributes
+    ----------
+    n_features_in_ : int
+        Two columns per frame.
+
+    See Also
+    --------
+    make_motion_pipeline : Makes a pipeline that begins with such a union.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from skmotionseg import HypothesisSampler, ORKKernel
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> from skmotionseg.pipelines import ModelUnion
+    >>> X, y = make_rigid_motions(n_tracks=60, n_frames=5, random_state=0)
+    >>> views = [
+    ...     (name, make_pipeline(HypothesisSampler(name, random_state=0), ORKKernel()))
+    ...     for name in ("affine", "homography", "fundamental")
+    ... ]
+    >>> union = ModelUnion(views)
+    >>> union.fit_transform(X).shape  # three views of 60 columns
+    (60, 180)
+    >>> union.set_params(models=("affine", "homography")).fit_transform(X).shape
+    (60, 120)
     """
 
-    _parameter_constraints: dict = {"n_jobs": N_JOBS}
+    _parameter_constraints: dict = {
+        "transformer_list": [list],
+        "models": ["array-like", str, MotionModel, None],
+        "n_jobs": N_JOBS,
+        "transformer_weights": [dict, None],
+        "verbose": ["verbose"],
+        "verbose_feature_names_out": ["boolean"],
+    }
 
     def __init__(
         self,
@@ -113,6 +148,25 @@ class ModelUnion(FeatureUnion):
         ]
 
     def fit(self, X: npt.ArrayLike, y: object = None, **fit_params: Any) -> Self:
+        """Fit the views that take part.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+            Tracks in pixels; NaN where a point was not seen.
+        y : ignored
+        **fit_params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``models`` are none of the union, or no view is left.
+        """
         union = self._to_fit().fit(X, y, **fit_params)
         self._keep(union)
         return self
@@ -120,17 +174,54 @@ class ModelUnion(FeatureUnion):
     def fit_transform(
         self, X: npt.ArrayLike, y: object = None, **params: Any
     ) -> npt.NDArray[np.floating]:
+        """Fit, and give the affinities of the same tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+        y : ignored
+        **params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_views * n_tracks)
+            The views side by side.
+        """
         union = self._to_fit()
         affinities = union.fit_transform(X, y, **params)
         self._keep(union)
         return affinities
 
     def transform(self, X: npt.ArrayLike, **params: Any) -> npt.NDArray[np.floating]:
+        """Affinities of tracks to the fitted tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 2 * n_frames)
+        **params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        ndarray of shape (n, n_views * n_tracks)
+        """
         return self._chosen().transform(X, **params)
 
     def get_feature_names_out(
         self, input_features: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.object_]:
+        """Names of the columns, which begin with the name of the model.
+
+        Parameters
+        ----------
+        input_features : array-like of str or None, default=None
+            Names of the columns of the tracks.
+
+        Returns
+        -------
+        ndarray of str, shape (n_views * n_tracks,)
+        """
         return self._chosen().get_feature_names_out(input_features)
 
     @property

@@ -15,6 +15,8 @@ from sklearn.utils import check_random_state
 from ._core.geometry.epipolar import mean_sampson_errors
 from ._core.geometry.tracks import unpack_tracks
 
+__all__ = ["select_balanced_tracks", "select_inliers", "select_long_tracks"]
+
 
 def select_long_tracks(X: npt.ArrayLike, min_length: int = 5) -> npt.NDArray[np.bool_]:
     """Select tracks that are seen in enough frames.

@@ -69,6 +69,8 @@ from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
 
+__all__ = ["MotionSegmenter"]
+
 # What a fit keeps beside its fitted attributes, and those that are of its input alone.
 OWN_STATE = ("_frames", "_known", "_explanation")
 OF_INPUT = ("n_features_in_", "feature_names_in_")

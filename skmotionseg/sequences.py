@@ -25,6 +25,8 @@ from ._utils.validation import N_JOBS, as_memory, check_cacheable, unmasked
 from ._version import __version__
 from .metrics import misclassification_error
 
+__all__ = ["PerSequence"]
+
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
 

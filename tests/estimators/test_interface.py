@@ -203,7 +203,10 @@ def test_subsets_of_the_models_are_one_key_of_a_grid(tracks):
         (SHIFT, r"models must be some of .*; got \['shift'\]"),
         (("affine", 3), r"models must be some of .*; got \['affine', 3\]"),
         ((), r"models must be some of .*; got \[\]"),
-        (3, "models must be names of motion models or MotionModel objects; got 3"),
+        (
+            3,
+            r"'models' parameter of ModelUnion must be an array-like, .* Got 3 instead",
+        ),
     ],
 )
 def test_models_of_a_union_must_be_there(models, words, tracks):

@@ -55,11 +55,20 @@ CUT_AFTER = 3
 class Event(NamedTuple):
     """Something that happened in a stream.
 
-    Attributes
+    Parameters
     ----------
     frame : int
+        The frame in which it did; 0 is the first.
     kind : str
+        Such as "new", for a motion that was not there before.
     words : str
+        What happened, in a sentence.
+
+    Examples
+    --------
+    >>> from skmotionseg.online import Event
+    >>> print(Event(12, "new", "motion 2 is new"))
+    frame 12: motion 2 is new
     """
 
     frame: int
