@@ -18,7 +18,7 @@ from ._core.partition.scene import background_motion
 from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
-from ._segmenter.motions import stream_reasons
+from ._segmenter.reasons import stream_reasons
 from ._utils.validation import TooFewTracksError, check_farthest, unmasked
 from .segmentation import MotionSegmenter
 

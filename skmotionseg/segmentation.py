@@ -43,7 +43,8 @@ from ._segmenter.long_clips import (
     segment_in_windows,
 )
 from ._segmenter.memory import number_of_landmarks
-from ._segmenter.motions import label_reasons, motions_in_pixels
+from ._segmenter.motions import motions_in_pixels
+from ._segmenter.reasons import label_reasons
 from ._segmenter.report import SegmentationReport, make_report, report_of_windows
 from ._segmenter.selection import make_selector, select_by_graph, set_counts
 from ._segmenter.views import (

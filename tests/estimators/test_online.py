@@ -13,7 +13,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skmotionseg import OnlineMotionSegmenter
-from skmotionseg._segmenter.motions import stream_reasons
+from skmotionseg._segmenter.reasons import stream_reasons
 from skmotionseg.metrics import misclassification_error
 from skmotionseg.online import _with_living
 
