@@ -21,7 +21,8 @@ from ._segmenter.views import (
     make_view,
     view_seeds,
 )
-from ._utils.validation import N_JOBS, check_cacheable, check_estimator_parameters
+from ._utils.caching import check_cacheable
+from ._utils.validation import N_JOBS, check_estimator_parameters
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
@@ -57,7 +58,7 @@ class ModelUnion(FeatureUnion):
 
     See Also
     --------
-    make_motion_pipeline : Makes a pipeline that begins with such a union.
+    skmotionseg.make_motion_pipeline : Makes a pipeline that begins with such a union.
 
     Examples
     --------
@@ -226,6 +227,7 @@ class ModelUnion(FeatureUnion):
 
     @property
     def n_features_in_(self) -> int:
+        """Two columns per frame."""
         fitted = [view for _, view in self._chosen().transformer_list if view != "drop"]
         return fitted[0].n_features_in_
 

@@ -46,7 +46,7 @@ from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import motions_in_pixels
 from ._segmenter.reasons import label_reasons
 from ._segmenter.report import SegmentationReport, make_report, report_of_windows
-from ._segmenter.selection import make_selector, select_by_graph, set_counts
+from ._segmenter.selection import SELECTIONS, make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
     DEFAULT_MODELS,
     check_models,
@@ -56,13 +56,13 @@ from ._segmenter.views import (
     place_tracks,
     view_seeds,
 )
+from ._utils.caching import check_cacheable
 from ._utils.validation import (
     LARGEST_SHARE,
     N_JOBS,
     TooFewTracksError,
     TracksInput,
     are_shares,
-    check_cacheable,
     check_estimator_parameters,
 )
 from ._utils.warning import warn_user
@@ -332,7 +332,7 @@ estimator, default="description_length"
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
         "selection": [
-            StrOptions({"description_length", "ncre", "eigengap", "self_tuning"}),
+            StrOptions(set(SELECTIONS)),
             HasMethods(["fit", "get_params", "set_params"]),
         ],
         "delta": [Interval(Real, 0, None, closed="left")],

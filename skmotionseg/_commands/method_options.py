@@ -6,12 +6,12 @@ import argparse
 from typing import Any
 
 from .._core.geometry.motion_models import MOTION_MODELS
+from .._core.geometry.tracks import LAYOUTS
+from .._segmenter.selection import SELECTIONS
 from .._segmenter.views import DEFAULT_MODELS
 from .console import count, jobs, positive, seed
 
 MOST_MOTIONS = 10  # that are tried by default
-LAYOUTS = ("tracks_first", "frames_first")
-SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
 
 
 def number_of_motions(text):

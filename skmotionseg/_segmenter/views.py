@@ -19,7 +19,7 @@ from .._core.geometry.motion_models import (
 from .._core.labels import nearest_votes_in_each
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.validation import as_memory
+from .._utils.caching import as_memory
 from ..kernels import ORKKernel
 from ..sampling import HypothesisSampler
 from .memory import TRACKS_PER_BATCH
