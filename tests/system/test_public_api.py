@@ -368,10 +368,3 @@ def test_data_sets_import_nothing_but_the_core_and_utilities():
     for path in (PACKAGE / "datasets").glob("*.py"):
         rooms = set(map(room_of, rooms_imported(path)))
         assert rooms <= {"_core", "_utils", "datasets"}, path
-
-
-def test_each_module_of_the_core_has_a_test_file_of_its_name():
-    tests = {path.stem for path in Path(__file__).parents[1].joinpath("core").iterdir()}
-    for path in CORE_FILES:
-        if path.name != "__init__.py" and path.parent.name != "_core":
-            assert f"test_{path.stem}" in tests, path
