@@ -32,11 +32,15 @@ from benchmarks import (
 )
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
-from skmotionseg._commands.paper_runs import FUSIONS, RULES, summarize_paper
+from skmotionseg._commands.paper_runs import RULES, summarize_paper
 from skmotionseg._commands.paper_tables import PARTS, paper_sections
-from skmotionseg._commands.runs import PAPER, summarize
+from skmotionseg._commands.runs import (
+    PAPER,
+    PAPER_FUSIONS,
+    PAPER_MODELS,
+    summarize,
+)
 from skmotionseg._commands.video_runs import summarize_videos
-from skmotionseg._segmenter.views import ALL_MODELS
 from skmotionseg._utils.words import counted
 
 ROOT = Path(__file__).parents[1]
@@ -122,9 +126,9 @@ def shown_defaults(record):
 
 
 def known_table(record):
-    methods = (*ALL_MODELS, *FUSIONS, *shown_defaults(record))
+    methods = (*PAPER_MODELS, *PAPER_FUSIONS, *shown_defaults(record))
     rows = [(NAMES.get(m, m), cells_of(record, m, error_cell)) for m in methods]
-    best = [f"{min(PAPER[d][m][0] for m in FUSIONS):.2f}" for d in DATASETS]
+    best = [f"{min(PAPER[d][m][0] for m in PAPER_FUSIONS):.2f}" for d in DATASETS]
     rows.append(("the paper's best fusion, all sequences, tuned by data set", best))
     return lines_of("", rows)
 
@@ -132,9 +136,14 @@ def known_table(record):
 def unknown_table(record):
     rows = []
     for start, suffix in (("from 1", ""), ("from 2", "_from_2")):
-        for method in (*FUSIONS, "eigengap", "self_tuning", *shown_defaults(record)):
+        for method in (
+            *PAPER_FUSIONS,
+            "eigengap",
+            "self_tuning",
+            *shown_defaults(record),
+        ):
             name = f"{start}: {NAMES.get(method, method)}"
-            if method in FUSIONS:
+            if method in PAPER_FUSIONS:
                 name += ", NCRE"
             rows.append((name, cells_of(record, method, count_cell, suffix)))
     return lines_of("", rows)
@@ -165,9 +174,11 @@ def halves_table(record):
 
 
 def readme_table(record):
-    fusions = [[row_of(record, d, method) for method in FUSIONS] for d in DATASETS]
+    fusions = [
+        [row_of(record, d, method) for method in PAPER_FUSIONS] for d in DATASETS
+    ]
     best = [f"{min(row['error_known'][0] for row in rows):.2f}" for rows in fusions]
-    paper = [f"{min(PAPER[d][m][0] for m in FUSIONS):.2f}" for d in DATASETS]
+    paper = [f"{min(PAPER[d][m][0] for m in PAPER_FUSIONS):.2f}" for d in DATASETS]
     rows = [
         (f"**number known:** {NAMES[method]}", cells_of(record, method, error_cell))
         for method in shown_defaults(record)
@@ -188,7 +199,7 @@ def readme_table(record):
 def comparison_table(record):
     """Each method of the paper: its figures, and ours."""
     rows = []
-    for method in (*ALL_MODELS, *FUSIONS):
+    for method in (*PAPER_MODELS, *PAPER_FUSIONS):
         name = NAMES.get(method, method)
         theirs = [PAPER[d][method] for d in DATASETS]
         cells = [f"{known:.2f} / {right:.0f}" for known, _, _, right, *_ in theirs]

@@ -119,7 +119,7 @@ CONSTANTS = (
     Constant("_core.partition.cost", "CUT_WEIGHT"),
     Constant("_core.partition.cost", "GAIN_OF_CUT"),
     Constant("_core.partition.search", "SPARSITIES"),
-    Constant("_core.partition.search", "OVERSEGMENTATION"),
+    Constant("_core.partition.clip", "OVERSEGMENTATION"),
     Constant("_core.geometry.description_length", "FRAME_GAPS", last_scaled),
     Constant("_core.geometry.description_length", "MAX_PAIRS"),
     Constant("_core.geometry.description_length", "NOISE_LEVELS"),

@@ -12,6 +12,8 @@ from ._commands.demo import add_demo
 from ._commands.segment import add_segment
 from ._version import __version__
 
+__all__ = ["main"]
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command.

@@ -20,11 +20,14 @@ from ._core.graph.spectral import ViewGraph, cluster_features, extend_embedding
 from ._parallel.engine import thread_map
 from ._parallel.threads import single_threaded
 from ._utils.validation import (
+    N_JOBS,
     check_n_groups,
     read_affinities,
     read_matrix,
     split_views,
 )
+
+__all__ = ["MultiModelSpectralClustering"]
 
 
 class AffinityInput:
@@ -129,7 +132,7 @@ default="kernel_addition"
         "max_iter": [Interval(Integral, 1, None, closed="left")],
         "tol": [Interval(Real, 0, None, closed="left")],
         "n_init": [Interval(Integral, 1, None, closed="left")],
-        "n_jobs": [Integral, None],
+        "n_jobs": N_JOBS,
         "random_state": ["random_state"],
     }
 

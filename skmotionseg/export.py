@@ -13,6 +13,8 @@ from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._utils.validation import check_label_each
 from ._utils.writing import replacing
 
+__all__ = ["save_motions", "static_mask"]
+
 
 def static_mask(
     X: npt.ArrayLike, labels: npt.ArrayLike, *, background: int | None = None

@@ -29,6 +29,8 @@ from ._parallel.threads import single_threaded
 from ._utils.residuals import sent_group_size
 from ._utils.validation import read_matrix
 
+__all__ = ["ORKKernel"]
+
 # Of residuals that do not say how many hypotheses each frame pair has.
 USUAL_HYPOTHESES = 500
 # One exponent of the epsilon-neighbourhood for all data.

@@ -13,6 +13,19 @@ from scipy.optimize import linear_sum_assignment
 from sklearn.base import BaseEstimator
 from sklearn.metrics import get_scorer
 
+__all__ = [
+    "FBMSObjects",
+    "FBMSScores",
+    "boundary_f_measure",
+    "fbms_mean",
+    "fbms_objects",
+    "fbms_scores",
+    "misclassification_error",
+    "motion_count_accuracy",
+    "region_similarity",
+    "sequence_scorer",
+]
+
 
 def misclassification_error(y_true: npt.ArrayLike, y_pred: npt.ArrayLike) -> float:
     """Compute the share of misclassified tracks under the best matching of labels.
@@ -203,7 +216,23 @@ class _Found(BaseEstimator):
 
 
 class FBMSScores(NamedTuple):
-    """What :func:`fbms_scores` returns."""
+    """What :func:`fbms_scores` returns.
+
+    Parameters
+    ----------
+    density : float
+        Share of the annotated points that have a group.
+    precision, recall : float
+        Means over the regions.
+    f_measure : float
+        Their harmonic mean.
+
+    Examples
+    --------
+    >>> from skmotionseg.metrics import FBMSScores, fbms_mean
+    >>> fbms_mean([FBMSScores(0.9, 1.0, 0.4, 0.57), FBMSScores(1.0, 0.8, 0.9, 0.85)])
+    FBMSScores(density=0.95, precision=0.9, recall=0.65, f_measure=...)
+    """
 
     density: float
     precision: float
@@ -212,7 +241,22 @@ class FBMSScores(NamedTuple):
 
 
 class FBMSObjects(NamedTuple):
-    """What :func:`fbms_objects` returns."""
+    """What :func:`fbms_objects` returns.
+
+    Parameters
+    ----------
+    extracted : int
+        Objects that were found.
+    visible : int
+        Objects that there are.
+
+    Examples
+    --------
+    >>> from skmotionseg.metrics import FBMSObjects
+    >>> found = FBMSObjects(extracted=3, visible=4)
+    >>> found.extracted / found.visible
+    0.75
+    """
 
     extracted: int
     visible: int

@@ -32,6 +32,8 @@ from ._utils.validation import (
 )
 from .cluster import AffinityInput, MultiModelSpectralClustering
 
+__all__ = ["EigengapModelSelector", "NCREModelSelector", "SelfTuningModelSelector"]
+
 Fusing: TypeAlias = str | Callable[..., npt.ArrayLike]
 
 

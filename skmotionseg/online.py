@@ -18,9 +18,11 @@ from ._core.partition.scene import background_motion
 from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
-from ._segmenter.motions import stream_reasons
+from ._segmenter.reasons import stream_reasons
 from ._utils.validation import TooFewTracksError, check_farthest, unmasked
 from .segmentation import MotionSegmenter
+
+__all__ = ["Event", "OnlineMotionSegmenter"]
 
 # Motions that are looked for in the first frames, if their number is not given.
 MOST_AT_FIRST = 10
@@ -112,6 +114,9 @@ class OnlineMotionSegmenter(BaseEstimator):
     The estimator can be pickled between any two frames, and goes on as it would have.
     The order of the tracks within a frame does not matter.
 
+    Parameters are those of the first frame; :meth:`update` raises an error if they have
+    changed. ``sklearn.base.clone(segmenter)`` starts a new video.
+
     A label that was given is not taken back. Where two motions turn out to be one, and
     where a track changes sides, :meth:`result` has the last label.
 
@@ -177,12 +182,14 @@ class OnlineMotionSegmenter(BaseEstimator):
         ------
         TypeError, ValueError
             If the points are not pairs of finite real numbers, or there is not one
-            whole number for each, or one comes twice. Nothing has changed then.
+            whole number for each, or one comes twice, or a parameter is not what it was
+            in the first frame. Nothing has changed then.
         """
         points, ids = _checked_frame(points, track_ids)
         if not hasattr(self, "_stream"):
             self._validate_params()
-            self._stream = self._begin()
+            self._stream, self._parameters = self._begin(), self.get_params()
+        self._check_unchanged()
         labels, events = self._stream.step(points, ids, self._partition)
         self.labels_, self.track_ids_, self.events_ = labels, ids, events
         self.label_reasons_ = self._reasons(labels, ids)
@@ -220,6 +227,16 @@ class OnlineMotionSegmenter(BaseEstimator):
         rng = np.random.RandomState(rng.randint(2**31 - 1))
         most = None if self.n_motions == "auto" else self.n_motions
         return MotionStream(most, rng, self.keep_history, self.focal_length)
+
+    def _check_unchanged(self):
+        """Refuse parameters that are not those of the first frame."""
+        for name, new in self.get_params().items():
+            old = self._parameters[name]
+            if new is not old and new != old:
+                raise ValueError(
+                    f"parameters cannot change after the first frame; {name} was "
+                    f"{old!r} and is {new!r}: clone(segmenter) starts a new video"
+                )
 
     def _reasons(self, labels, ids):
         buffer = self._stream.buffer
@@ -296,6 +313,3 @@ def _checked_frame(points, track_ids):
             f"{counts.max()} times"
         )
     return points.astype(np.float64), ids.astype(np.int64)
-
-
-__all__ = ["Event", "OnlineMotionSegmenter"]

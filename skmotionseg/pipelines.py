@@ -13,11 +13,21 @@ from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 
 from ._core.geometry.motion_models import MotionModel
-from ._segmenter.views import ALL_MODELS, check_models, make_view, view_seeds
-from ._utils.validation import check_cacheable
+from ._core.graph.fusion import check_fusion
+from ._segmenter.views import (
+    DEFAULT_MODELS,
+    check_models,
+    list_models,
+    make_view,
+    view_seeds,
+)
+from ._utils.caching import check_cacheable
+from ._utils.validation import N_JOBS, check_estimator_parameters
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
+
+__all__ = ["ModelUnion", "make_motion_pipeline"]
 
 
 class ModelUnion(FeatureUnion):
@@ -30,8 +40,8 @@ class ModelUnion(FeatureUnion):
     ----------
     transformer_list : list of (str, transformer)
         By the name of the model.
-    models : sequence of str or None, default=None
-        Those that take part; None is all.
+    models : sequence of str or MotionModel, or None, default=None
+        Those that take part, by name or as objects; None is all.
     n_jobs : int or None, default=None
         Number of models to fit in parallel. ``None`` means 1 unless in a
         :obj:`joblib.parallel_backend` context. ``-1`` means using all processors. See
@@ -40,13 +50,48 @@ class ModelUnion(FeatureUnion):
     verbose : bool, default=False
     verbose_feature_names_out : bool, default=True
         As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+    Attributes
+    ----------
+    n_features_in_ : int
+        Two columns per frame.
+
+    See Also
+    --------
+    skmotionseg.make_motion_pipeline : Makes a pipeline that begins with such a union.
+
+    Examples
+    --------
+    >>> from sklearn.pipeline import make_pipeline
+    >>> from skmotionseg import HypothesisSampler, ORKKernel
+    >>> from skmotionseg.datasets import make_rigid_motions
+    >>> from skmotionseg.pipelines import ModelUnion
+    >>> X, y = make_rigid_motions(n_tracks=60, n_frames=5, random_state=0)
+    >>> views = [
+    ...     (name, make_pipeline(HypothesisSampler(name, random_state=0), ORKKernel()))
+    ...     for name in ("affine", "homography", "fundamental")
+    ... ]
+    >>> union = ModelUnion(views)
+    >>> union.fit_transform(X).shape  # three views of 60 columns
+    (60, 180)
+    >>> union.set_params(models=("affine", "homography")).fit_transform(X).shape
+    (60, 120)
     """
+
+    _parameter_constraints: dict = {
+        "transformer_list": [list],
+        "models": ["array-like", str, MotionModel, None],
+        "n_jobs": N_JOBS,
+        "transformer_weights": [dict, None],
+        "verbose": ["verbose"],
+        "verbose_feature_names_out": ["boolean"],
+    }
 
     def __init__(
         self,
         transformer_list: list[tuple[str, Any]],
         *,
-        models: Sequence[str] | None = None,
+        models: str | MotionModel | Sequence[str | MotionModel] | None = None,
         n_jobs: int | None = None,
         transformer_weights: dict[str, float] | None = None,
         verbose: bool = False,
@@ -64,10 +109,8 @@ class ModelUnion(FeatureUnion):
     def _chosen(self) -> FeatureUnion:
         """The same without the models that do not take part."""
         names = [name for name, _ in self.transformer_list]
-        models = [self.models] if isinstance(self.models, str) else self.models
-        chosen = names if models is None else list(models)
-        unknown = sorted(set(chosen) - set(names))
-        if unknown or not chosen:
+        chosen = names if self.models is None else _names_of(self.models)
+        if not chosen or not all(name in names for name in chosen):
             raise ValueError(f"models must be some of {names}; got {chosen}")
         union = FeatureUnion(
             [
@@ -84,6 +127,18 @@ class ModelUnion(FeatureUnion):
             union._sklearn_output_config = config
         return union
 
+    def _to_fit(self) -> FeatureUnion:
+        """The models that take part, of which some must not be dropped."""
+        self._validate_params()
+        union = self._chosen()
+        if all(view == "drop" for _, view in union.transformer_list):
+            names = [name for name, _ in self.transformer_list]
+            raise ValueError(
+                f"a union needs at least one view; of {names}, all are dropped or not "
+                f"among models={self.models!r}"
+            )
+        return union
+
     def _keep(self, union: FeatureUnion) -> None:
         """Take over the views that were fitted."""
         self.transformer_list[:] = [
@@ -94,28 +149,85 @@ class ModelUnion(FeatureUnion):
         ]
 
     def fit(self, X: npt.ArrayLike, y: object = None, **fit_params: Any) -> Self:
-        union = self._chosen().fit(X, y, **fit_params)
+        """Fit the views that take part.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+            Tracks in pixels; NaN where a point was not seen.
+        y : ignored
+        **fit_params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        self
+
+        Raises
+        ------
+        ValueError
+            If ``models`` are none of the union, or no view is left.
+        """
+        union = self._to_fit().fit(X, y, **fit_params)
         self._keep(union)
         return self
 
     def fit_transform(
         self, X: npt.ArrayLike, y: object = None, **params: Any
     ) -> npt.NDArray[np.floating]:
-        union = self._chosen()
+        """Fit, and give the affinities of the same tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n_tracks, 2 * n_frames)
+        y : ignored
+        **params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_views * n_tracks)
+            The views side by side.
+        """
+        union = self._to_fit()
         affinities = union.fit_transform(X, y, **params)
         self._keep(union)
         return affinities
 
     def transform(self, X: npt.ArrayLike, **params: Any) -> npt.NDArray[np.floating]:
+        """Affinities of tracks to the fitted tracks.
+
+        Parameters
+        ----------
+        X : array-like of shape (n, 2 * n_frames)
+        **params : dict
+            As for :class:`~sklearn.pipeline.FeatureUnion`.
+
+        Returns
+        -------
+        ndarray of shape (n, n_views * n_tracks)
+        """
         return self._chosen().transform(X, **params)
 
     def get_feature_names_out(
         self, input_features: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.object_]:
+        """Names of the columns, which begin with the name of the model.
+
+        Parameters
+        ----------
+        input_features : array-like of str or None, default=None
+            Names of the columns of the tracks.
+
+        Returns
+        -------
+        ndarray of str, shape (n_views * n_tracks,)
+        """
         return self._chosen().get_feature_names_out(input_features)
 
     @property
     def n_features_in_(self) -> int:
+        """Two columns per frame."""
         fitted = [view for _, view in self._chosen().transformer_list if view != "drop"]
         return fitted[0].n_features_in_
 
@@ -123,8 +235,16 @@ class ModelUnion(FeatureUnion):
         return self._chosen().__sklearn_is_fitted__()
 
 
+def _names_of(models):
+    """Names of models, which may be objects; what is neither stays."""
+    return [
+        model.name if isinstance(model, MotionModel) else model
+        for model in list_models(models)
+    ]
+
+
 def make_motion_pipeline(
-    models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
+    models: str | MotionModel | Sequence[str | MotionModel] = DEFAULT_MODELS,
     n_clusters: int | str = "auto",
     *,
     n_hypotheses: int = 500,
@@ -180,6 +300,11 @@ def make_motion_pipeline(
         ``cluster__lam``, ``cluster__gamma``, ``cluster__delta``,
         ``cluster__n_clusters``, ``affinity__affine__sampler__n_hypotheses``, ...
 
+    Raises
+    ------
+    TypeError, ValueError
+        If a parameter is none that its step takes.
+
     Examples
     --------
     >>> from skmotionseg import make_motion_pipeline
@@ -192,8 +317,6 @@ def make_motion_pipeline(
     ... ).shape
     (70,)
     """
-    if isinstance(n_clusters, str) and n_clusters != "auto":
-        raise ValueError(f"n_clusters must be a number or 'auto'; got {n_clusters!r}")
     kernel = ORKKernel(
         top=top, sparsity=sparsity, covisibility_prior=covisibility_prior
     )
@@ -209,9 +332,20 @@ def make_motion_pipeline(
         min_clusters=min_clusters,
         max_clusters=max_clusters,
     )
-    return Pipeline(
+    pipeline = Pipeline(
         [("affinity", ModelUnion(views, n_jobs=n_jobs)), ("cluster", clusterer)]
     )
+    _check_parts(pipeline)
+    return pipeline
+
+
+def _check_parts(pipeline):
+    """Refuse parameters of the steps as their fits would, before any work."""
+    check_estimator_parameters(pipeline)
+    clusterer = pipeline["cluster"]
+    clusterer._range_of_counts()
+    if clusterer.fusion is not None:
+        check_fusion(clusterer.fusion)
 
 
 def _make_views(models, random_state, memory, given):

@@ -14,6 +14,9 @@ from sklearn.utils import check_random_state
 
 from ._core.geometry.epipolar import mean_sampson_errors
 from ._core.geometry.tracks import unpack_tracks
+from ._utils.validation import check_label_each, check_labels
+
+__all__ = ["select_balanced_tracks", "select_inliers", "select_long_tracks"]
 
 
 def select_long_tracks(X: npt.ArrayLike, min_length: int = 5) -> npt.NDArray[np.bool_]:
@@ -89,7 +92,7 @@ def select_balanced_tracks(
     """
     if not 0 < share <= 1:
         raise ValueError(f"share must be in (0, 1]; got {share!r}")
-    labels = _check_labels(labels)
+    labels = check_labels(labels)
     kept = np.ones(len(labels), dtype=bool)
     groups, sizes = np.unique(labels[labels >= 0], return_counts=True)
     if len(groups) == 0:
@@ -153,9 +156,7 @@ def select_inliers(
     array([-1, -1, -1, -1, -1])
     """
     points, visibility = unpack_tracks(X)
-    labels = _check_labels(labels)
-    if len(labels) != len(points):
-        raise ValueError(f"{len(points)} tracks need as many labels; got {len(labels)}")
+    labels = check_label_each(labels, len(points))
     if not isinstance(whisker, Real) or not whisker >= 0:
         raise ValueError(f"whisker must be a number of 0 or more; got {whisker!r}")
     kept = labels >= 0
@@ -169,13 +170,3 @@ def select_inliers(
         bad = judged & (errors > upper + whisker * (upper - lower))
         kept[members[bad]] = False
     return kept
-
-
-def _check_labels(labels: npt.ArrayLike) -> npt.NDArray[np.integer]:
-    labels = np.asarray(labels)
-    if labels.ndim != 1 or labels.dtype.kind not in "iu":
-        raise ValueError(
-            "labels must be a vector of integers; got "
-            f"{labels.dtype} of shape {labels.shape}"
-        )
-    return labels

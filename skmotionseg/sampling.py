@@ -23,6 +23,8 @@ from ._parallel.threads import single_threaded
 from ._utils.residuals import Residuals, column_names
 from ._utils.validation import TooFewTracksError, TracksInput
 
+__all__ = ["HypothesisSampler"]
+
 
 class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
     """Residuals of tracks to random hypotheses of one motion model.

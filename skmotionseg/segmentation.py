@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-import warnings
 from collections.abc import Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -45,11 +44,12 @@ from ._segmenter.long_clips import (
     segment_in_windows,
 )
 from ._segmenter.memory import number_of_landmarks
-from ._segmenter.motions import label_reasons, motions_in_pixels
+from ._segmenter.motions import motions_in_pixels
+from ._segmenter.reasons import label_reasons
 from ._segmenter.report import SegmentationReport, make_report, report_of_windows
-from ._segmenter.selection import make_selector, select_by_graph, set_counts
+from ._segmenter.selection import SELECTIONS, make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
-    ALL_MODELS,
+    DEFAULT_MODELS,
     check_models,
     fit_views,
     make_view,
@@ -57,17 +57,21 @@ from ._segmenter.views import (
     place_tracks,
     view_seeds,
 )
+from ._utils.caching import check_cacheable
 from ._utils.validation import (
     LARGEST_SHARE,
+    N_JOBS,
     TooFewTracksError,
     TracksInput,
     are_shares,
-    check_cacheable,
     check_estimator_parameters,
 )
+from ._utils.warning import warn_user
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
+
+__all__ = ["MotionSegmenter"]
 
 # What a fit keeps beside its fitted attributes, and those that are of its input alone.
 OWN_STATE = ("_frames", "_known", "_explanation", "_shutter")
@@ -341,7 +345,7 @@ estimator, default="description_length"
         "lam": [Interval(Real, 0, None, closed="left")],
         "gamma": [Interval(Real, 0, None, closed="left")],
         "selection": [
-            StrOptions({"description_length", "ncre", "eigengap", "self_tuning"}),
+            StrOptions(set(SELECTIONS)),
             HasMethods(["fit", "get_params", "set_params"]),
         ],
         "delta": [Interval(Real, 0, None, closed="left")],
@@ -355,7 +359,7 @@ estimator, default="description_length"
             None,
         ],
         "memory": [str, os.PathLike, Memory, None],
-        "n_jobs": [Integral, None],
+        "n_jobs": N_JOBS,
         "random_state": ["random_state"],
     }
 
@@ -363,7 +367,7 @@ estimator, default="description_length"
         self,
         n_motions: int | str = "auto",
         *,
-        models: str | MotionModel | Sequence[str | MotionModel] = ALL_MODELS,
+        models: str | MotionModel | Sequence[str | MotionModel] = DEFAULT_MODELS,
         n_hypotheses: int = 500,
         frame_gap: int = 1,
         kernel: ORKKernel | None = None,
@@ -432,11 +436,10 @@ estimator, default="description_length"
         check_cacheable(self.memory, self.random_state, "random_state")
         tracks = self._read_tracks(X, reset=True)
         if are_shares(tracks):
-            warnings.warn(
+            warn_user(
                 f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "
                 "they are not pixels, in which noise is measured: if they are shares "
                 "of the image's size, multiply them by its width and height",
-                stacklevel=2,
             )
         self._forget()
         self._check_counts(len(tracks))

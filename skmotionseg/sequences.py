@@ -21,9 +21,11 @@ from ._core.geometry.tracks import as_array
 from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
-from ._utils.validation import as_memory, check_cacheable, unmasked
-from ._version import __version__
+from ._utils.caching import as_memory, check_cacheable, recall
+from ._utils.validation import N_JOBS, unmasked
 from .metrics import misclassification_error
+
+__all__ = ["PerSequence"]
 
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
@@ -81,7 +83,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
     _parameter_constraints: dict = {
         "estimator": [HasMethods(["fit_predict", "get_params", "set_params"])],
-        "n_jobs": [Integral, None],
+        "n_jobs": N_JOBS,
         "memory": [str, os.PathLike, Memory, None],
     }
 
@@ -187,7 +189,14 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         memory = as_memory(self.memory if isinstance(seed, Integral) else None)
         return run_tasks(
             (
-                Task(f"segmenting sequence {i}", _recall, memory, self.estimator, x)
+                Task(
+                    f"segmenting sequence {i}",
+                    recall,
+                    memory,
+                    _segment,
+                    self.estimator,
+                    x,
+                )
                 for i, x in enumerate(self._read_sequences(X, reset=False))
             ),
             n_jobs=self.n_jobs,
@@ -224,12 +233,6 @@ def _seed_of(estimator):
     known = (name for name in names if isinstance(params[name], Integral))
     name = next(known, names[0])
     return params[name], f"{name} of the estimator"
-
-
-def _recall(memory, estimator, X):
-    """Labels from memory, or else put there."""
-    # Where joblib maps arrays into memory for its workers, they are hashed as others.
-    return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):

@@ -29,8 +29,6 @@ RESUME_HELP = (
     "that are in it already, with the same tracks, method, parameters, seed and code "
     "of this package, are not repeated"
 )
-# Exponents of the epsilon-neighbourhood that the authors sweep, the first and the last.
-EXPONENTS = (5, 15)
 
 
 def add_bench(commands):
@@ -83,6 +81,8 @@ def _add_amounts(bench):
 
 
 def _add_paper(bench):
+    from .paper_runs import EXPONENTS
+
     bench.add_argument("--paper", action="store_true", help=PAPER_HELP)
     bench.add_argument(
         "--exponents",
@@ -90,7 +90,7 @@ def _add_paper(bench):
         nargs=2,
         metavar=("FIRST", "LAST"),
         help="exponents of the epsilon-neighbourhood that --paper sweeps (default: "
-        f"{EXPONENTS[0]} {EXPONENTS[1]})",
+        f"{EXPONENTS[0]} {EXPONENTS[-1]})",
     )
 
 
@@ -118,13 +118,13 @@ def _run_bench(arguments):
 
 def _run_paper(arguments, console, journal):
     """The paper's tables by the protocol of its authors."""
-    from .paper_runs import DELTAS, run_paper, summarize_paper
+    from .paper_runs import DELTAS, EXPONENTS, run_paper, summarize_paper
     from .paper_tables import WARNING, paper_tables
     from .runs import datasets_in, find_sequences
 
     if arguments.methods is not None:
         raise ValueError("--paper has its own methods; omit --methods")
-    first, last = arguments.exponents or EXPONENTS
+    first, last = arguments.exponents or (EXPONENTS[0], EXPONENTS[-1])
     if first > last:
         raise ValueError(f"--exponents must be in ascending order; got {first} {last}")
     datasets = arguments.datasets or datasets_in(arguments.data, DELTAS)

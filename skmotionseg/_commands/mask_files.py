@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import warnings
 import zlib
 from pathlib import Path
 
 import numpy as np
 
 from .._utils.png import encode_grey, encode_labels
+from .._utils.warning import warn_user
 from .._utils.writing import check_output, check_output_folder, replacing
 from .console import timed_stage
 
@@ -146,10 +146,9 @@ def warn_of_others(arguments, names):
     for folder in (arguments.masks, arguments.static_masks):
         others = sorted(set(folder.glob("*.png")) - written) if folder else []
         if others:
-            warnings.warn(
+            warn_user(
                 f"{folder} holds {len(others)} more pictures than were written now, "
                 f"such as {others[0].name}",
-                stacklevel=2,
             )
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from .._core.geometry.motion_models import MOTION_MODELS
+from .._core.geometry.tracks import LAYOUTS
+from .._segmenter.selection import SELECTIONS
+from .._segmenter.views import DEFAULT_MODELS
 from .console import count, jobs, positive, seed
 
 MOST_MOTIONS = 10  # that are tried by default
-LAYOUTS = ("tracks_first", "frames_first")
-SELECTIONS = ("description_length", "ncre", "eigengap", "self_tuning")
-MODELS = ("affine", "homography", "fundamental")
 
 
 def number_of_motions(text):
@@ -21,10 +22,10 @@ def number_of_motions(text):
 def model_names(text):
     """Names of motion models with commas between them, as a tuple."""
     names = tuple(name.strip() for name in text.split(","))
-    unknown = [name for name in names if name not in MODELS]
+    unknown = [name for name in names if name not in MOTION_MODELS]
     if unknown:
         raise argparse.ArgumentTypeError(
-            f"expected some of {','.join(MODELS)}; got {unknown[0]!r}"
+            f"expected some of {','.join(MOTION_MODELS)}; got {unknown[0]!r}"
         )
     return names
 
@@ -48,10 +49,10 @@ METHOD_OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--models": {
         "type": model_names,
-        "default": MODELS,
+        "default": DEFAULT_MODELS,
         "metavar": "NAMES",
         "help": "motion models to combine, with commas between them (default: "
-        f"{','.join(MODELS)})",
+        f"{','.join(DEFAULT_MODELS)})",
     },
     "--selection": {
         "choices": SELECTIONS,

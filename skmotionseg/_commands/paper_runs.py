@@ -18,13 +18,7 @@ from sklearn.utils import check_random_state
 
 from .._core.geometry.tracks import unpack_tracks
 from .._core.graph.neighbourhood import neighbourhood_thresholds, sparsify
-from .._segmenter.views import (
-    ALL_MODELS,
-    check_models,
-    fit_views,
-    make_view,
-    view_seeds,
-)
+from .._segmenter.views import check_models, fit_views, make_view, view_seeds
 from .._version import __version__
 from ..kernels import ORKKernel
 from ..metrics import misclassification_error
@@ -33,7 +27,13 @@ from ..model_selection import (
     NCREModelSelector,
     SelfTuningModelSelector,
 )
-from .runs import code_digest, digest_of, run_in_parallel
+from .runs import (
+    PAPER_FUSIONS,
+    PAPER_MODELS,
+    code_digest,
+    digest_of,
+    run_in_parallel,
+)
 
 EXPONENTS = tuple(range(5, 16))
 # The rules that it compares with were run on affinities that it does not describe.
@@ -45,16 +45,15 @@ N_HYPOTHESES = 500
 COVISIBILITY_PRIOR = 1.1
 DELTAS = {"Hopkins155": 0.1, "Hopkins12": 0.1, "MTPV62": 0.1, "KT3DMoSeg": 1.0}
 
-FUSIONS = ("kernel_addition", "coreg", "subset")
-SUBSETS = {"A+H": ALL_MODELS[:2], "H+F": ALL_MODELS[1:]}
+SUBSETS = {"A+H": PAPER_MODELS[:2], "H+F": PAPER_MODELS[1:]}
 # Models and fusion of each method, by its name.
 METHODS: dict[str, tuple[tuple[str, ...], str]] = {
-    **{model: ((model,), "kernel_addition") for model in ALL_MODELS},
-    **{fusion: (ALL_MODELS, fusion) for fusion in FUSIONS},
+    **{model: ((model,), "kernel_addition") for model in PAPER_MODELS},
+    **{fusion: (PAPER_MODELS, fusion) for fusion in PAPER_FUSIONS},
     **{
         f"{subset} {fusion}": (models, fusion)
         for subset, models in SUBSETS.items()
-        for fusion in FUSIONS
+        for fusion in PAPER_FUSIONS
     },
 }
 RULES = ("eigengap", "relative eigengap", "self-tuning")
@@ -166,7 +165,7 @@ def dense_affinities(
     -------
     dict of str to ndarray of shape (n_tracks, n_tracks)
     """
-    models = check_models(ALL_MODELS)
+    models = check_models(PAPER_MODELS)
     seeds = view_seeds(check_random_state(seed), models)
     kernel = ORKKernel(sparsity=None, covisibility_prior=COVISIBILITY_PRIOR)
     views = {

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from .._segmenter.views import ALL_MODELS
 from .._utils.optional import require
 from .._utils.words import counted
-from .paper_runs import FUSIONS, RULES, SUBSETS
-from .runs import PAPER
+from .paper_runs import RULES, SUBSETS
+from .runs import PAPER, PAPER_FUSIONS, PAPER_MODELS
 
 WARNING = (
     "Tuned on what it is tested on: as in the programs of the paper's authors, the "
@@ -72,7 +71,7 @@ def paper_tables(summary):
 
 
 def _table(summary, dataset):
-    first = summary[dataset, ALL_MODELS[0]]
+    first = summary[dataset, PAPER_MODELS[0]]
     table = require("rich.table", extra="cli").Table(
         title=f"{dataset}: {counted(first['n_sequences'], 'sequence')} "
         f"({PARTS[dataset]}), {counted(first['n_seeds'], 'seed')}; percent, best "
@@ -106,18 +105,18 @@ def paper_sections(dataset):
         the same from 2.
     """
     paper: dict[str, Any] = OUTDOOR if dataset == "MTPV62" else PAPER[dataset]
-    yield [(model, paper[model]) for model in ALL_MODELS]
-    yield [(fusion, paper[fusion]) for fusion in FUSIONS]
+    yield [(model, paper[model]) for model in PAPER_MODELS]
+    yield [(fusion, paper[fusion]) for fusion in PAPER_FUSIONS]
     subsets = SUBSET_FIGURES.get(dataset, {})
     yield [
         (f"{subset} {fusion}", (None,) * 4 + subsets.get(subset, _NOTHING)[position])
         for subset in SUBSETS
-        for position, fusion in enumerate(FUSIONS)
+        for position, fusion in enumerate(PAPER_FUSIONS)
     ]
     yield [(rule, paper.get(RULES_IN_PAPER[rule], (None,) * 6)) for rule in RULES]
 
 
-_NOTHING = ((None, None),) * len(FUSIONS)
+_NOTHING = ((None, None),) * len(PAPER_FUSIONS)
 
 
 def _cells(ours, paper):

@@ -14,7 +14,6 @@ import numpy as np
 from joblib import Memory, Parallel, delayed
 
 from .._parallel.tasks import Task
-from .._segmenter.views import ALL_MODELS
 from .._version import __version__
 from ..datasets import (
     load_adelaide,
@@ -43,14 +42,14 @@ LOADERS = {
     **VIDEO_LOADERS,
 }
 
+# Motion models and fusions of the paper, whatever others there are.
+PAPER_MODELS = ("affine", "homography", "fundamental")
+PAPER_FUSIONS = ("kernel_addition", "coreg", "subset")
 # The paper's methods choose the number of motions as the paper does; then those that it
 # compares with, on the affinity of homographies as there, and on that of all models.
 METHODS: dict[str, dict[str, Any]] = {
-    **{model: {"models": (model,), "selection": "ncre"} for model in ALL_MODELS},
-    **{
-        fusion: {"fusion": fusion, "selection": "ncre"}
-        for fusion in ("kernel_addition", "coreg", "subset")
-    },
+    **{model: {"models": (model,), "selection": "ncre"} for model in PAPER_MODELS},
+    **{f: {"fusion": f, "selection": "ncre"} for f in PAPER_FUSIONS},
     **{
         f"homography_{rule}": {"models": ("homography",), "selection": rule}
         for rule in ("eigengap", "self_tuning")

@@ -20,8 +20,8 @@ from .._core.stream.agreement import WindowMotions, agreeing
 from .._core.stream.joining import Joiner, parts_of
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.validation import TooFewTracksError, as_memory
-from .._version import __version__
+from .._utils.caching import as_memory, recall
+from .._utils.validation import TooFewTracksError
 
 # Frames above which a clip is taken in windows.
 LONG_CLIP = 100
@@ -178,8 +178,9 @@ class _WindowFits:
         estimator = clone(self.estimator)
         return Task(
             f"segmenting frames {part.start} to {part.stop - 1}",
-            _recall,
+            recall,
             self.memory,
+            _segment,
             estimator.set_params(n_motions=number, random_state=seed),
             pack_tracks(*self.clip.window(part)),
         )
@@ -218,11 +219,6 @@ def _for_windows(segmenter, most):
         memory=None,
         n_jobs=None,
     )
-
-
-def _recall(memory, estimator, X):
-    """What there is to know of a window, from memory, or else put there."""
-    return memory.cache(_segment)(estimator, np.asarray(X), __version__)
 
 
 def _segment(estimator, X, version):

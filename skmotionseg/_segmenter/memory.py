@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import warnings
 
 import numpy as np
+
+from .._utils.warning import warn_user
 
 # Landmarks for tracks that are seen in every frame. Where each is seen in fewer, there
 # are more, for as many in a frame, up to the largest number.
@@ -73,10 +74,9 @@ def _check_memory(n_fitted, n_models):
             "others"
         )
     if needed > SMALL_BYTES:
-        warnings.warn(
+        warn_user(
             f"fitting {n_fitted} tracks takes about {_gibibytes(needed)} of memory; "
             "n_landmarks='auto' takes far less",
-            stacklevel=4,
         )
 
 

@@ -1,4 +1,4 @@
-"""What a fit keeps of its motions, and why some tracks have none."""
+"""What a fit keeps of its motions, in pixels."""
 
 from __future__ import annotations
 
@@ -9,14 +9,6 @@ import numpy as np
 from .._core.geometry.motion_models import homogeneous
 from .._core.geometry.tracks import similarity
 from .._core.partition.motions import sampson_distances
-
-# Why a track has the label that it has.
-ASSIGNED = "assigned"
-OUTLIER = "outlier"  # no motion has it as an inlier
-TOO_SHORT = "too short"  # no frame pair sees it
-ISOLATED = "isolated"  # frame pairs see it, and it has no affinity to another
-NO_MOTIONS = "no motions yet"  # a stream has found none
-CANDIDATE = "candidate"  # a stream will say soon whether this is a new motion
 
 
 class FittedMotions(NamedTuple):
@@ -82,49 +74,3 @@ def _matrices_in_pixels(motions):
     F = np.swapaxes(second, 1, 2) @ motions.fundamental @ first
     norm = np.linalg.norm(F, axis=(-2, -1), keepdims=True)
     return np.divide(F, norm, out=np.full_like(F, np.nan), where=norm > 0)
-
-
-def label_reasons(labels, before_rejection, seen_in_pairs):
-    """Why each track has its label.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (n_tracks,)
-    before_rejection : ndarray of int, shape (n_tracks,)
-        With the labels of outliers.
-    seen_in_pairs : ndarray of bool, shape (n_tracks,)
-        Whether a frame pair sees the track.
-
-    Returns
-    -------
-    ndarray of str, shape (n_tracks,)
-    """
-    return np.select(
-        [labels >= 0, before_rejection >= 0, ~seen_in_pairs],
-        [ASSIGNED, OUTLIER, TOO_SHORT],
-        ISOLATED,
-    )
-
-
-def stream_reasons(labels, outlying, candidates, any_motion):
-    """Why each track of a frame of a stream has its label.
-
-    Parameters
-    ----------
-    labels : ndarray of int, shape (n,)
-        As given.
-    outlying, candidates : ndarray of bool, shape (n,)
-        Tracks that their own motion does not explain, and those of candidates.
-    any_motion : bool
-        Whether there are motions.
-
-    Returns
-    -------
-    ndarray of str, shape (n,)
-    """
-    none = np.full(len(labels), not any_motion)
-    return np.select(
-        [labels >= 0, none, outlying, candidates],
-        [ASSIGNED, NO_MOTIONS, OUTLIER, CANDIDATE],
-        TOO_SHORT,
-    )

@@ -12,7 +12,7 @@ from .._core.geometry.description_length import clip_geometry
 from .._core.geometry.model_choice import ModelChoice, choose_model
 from .._core.stream.joining import SURE
 from .._utils.words import counted
-from .motions import ISOLATED, OUTLIER, TOO_SHORT
+from .reasons import ISOLATED, OUTLIER, TOO_SHORT
 
 # Probability of a number of motions below which it is nearly as likely to be another.
 NEAR_TIE = 0.6

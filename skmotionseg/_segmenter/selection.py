@@ -22,6 +22,8 @@ SELECTORS = {
     "eigengap": EigengapModelSelector,
     "self_tuning": SelfTuningModelSelector,
 }
+# The default, by description length, and these.
+SELECTIONS = ("description_length", *SELECTORS)
 
 
 def make_selector(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
+from hashlib import blake2b
 
 import numpy as np
 from sklearn.base import clone
@@ -18,15 +19,39 @@ from .._core.geometry.motion_models import (
 from .._core.labels import nearest_votes_in_each
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.validation import as_memory
+from .._utils.caching import as_memory
 from ..kernels import ORKKernel
 from ..sampling import HypothesisSampler
 from .memory import TRACKS_PER_BATCH
 
-ALL_MODELS = tuple(MOTION_MODELS)
+# Models that are combined unless others are asked for.
+DEFAULT_MODELS = ("affine", "homography", "fundamental")
+# Models whose seeds are drawn whether or not they take part, in this order. Both are
+# written out: another built-in model changes no result unless it is asked for.
+SEEDED_MODELS = ("affine", "homography", "fundamental")
 # Frame pairs that tell whom a track moves with. Where the fitted ones are seen in twice
 # as many or more, every second pair, or fewer, is looked at.
 PAIRS_TO_PLACE = 12
+
+
+def list_models(
+    models: str | MotionModel | Iterable[str | MotionModel],
+) -> list[str | MotionModel]:
+    """Models as a list, of one or of several.
+
+    Raises
+    ------
+    TypeError
+        If they are something else.
+    """
+    if isinstance(models, str | MotionModel):
+        return [models]
+    if not isinstance(models, Iterable):
+        raise TypeError(
+            "models must be names of motion models or MotionModel objects; got "
+            f"{models!r}"
+        )
+    return list(models)
 
 
 def check_models(
@@ -36,10 +61,11 @@ def check_models(
 
     Raises
     ------
-    ValueError
-        If there are none, or two of one name, or a name that is none.
+    TypeError, ValueError
+        If they are no models, there are none, or two of one name, or a name that is
+        none.
     """
-    given = [models] if isinstance(models, str | MotionModel) else list(models)
+    given = list_models(models)
     if not given:
         raise ValueError("models must name at least one motion model; got none")
     found = [get_motion_model(model) for model in given]
@@ -52,8 +78,9 @@ def check_models(
 def view_seeds(random_state, models):
     """Seeds by name: of each model, and of "clustering".
 
-    The seed of a model does not depend on which others there are: those of the built-in
-    models are always all drawn, and all others share one.
+    The seed of a model does not depend on which others there are: those of
+    :data:`SEEDED_MODELS` are always all drawn, and those of all others follow from one
+    more and their names.
 
     Parameters
     ----------
@@ -64,14 +91,21 @@ def view_seeds(random_state, models):
     -------
     dict of str to int
     """
-    names = [*ALL_MODELS, "clustering"]
+    names = [*SEEDED_MODELS, "clustering"]
     most = np.iinfo(np.int32).max
     drawn = random_state.randint(most, size=len(names))
     seeds = dict(zip(names, map(int, drawn), strict=True))
     others = [model.name for model in models if model.name not in seeds]
-    return seeds | dict.fromkeys(
-        others, int(random_state.randint(most)) if others else 0
-    )
+    if others:
+        drawn = random_state.randint(most)
+        seeds |= {name: _seed_by_name(drawn, name) for name in others}
+    return seeds
+
+
+def _seed_by_name(seed, name):
+    """A seed below 2**31, the same in every process."""
+    digest = blake2b(f"{seed} {name}".encode(), digest_size=4).digest()
+    return int.from_bytes(digest, "little") >> 1
 
 
 def make_view(model, seed, *, n_hypotheses, frame_gap=1, kernel=None):

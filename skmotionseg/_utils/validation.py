@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-import os
-import warnings
+from numbers import Integral
 
 import numpy as np
 import numpy.typing as npt
-from sklearn.utils.validation import check_memory, check_non_negative, validate_data
+from sklearn.utils._param_validation import Interval
+from sklearn.utils.validation import check_non_negative, validate_data
 
+# Constraint of the parameter ``n_jobs``: 0 has no meaning.
+N_JOBS = [
+    Interval(Integral, 1, None, closed="left"),
+    Interval(Integral, None, -1, closed="right"),
+    None,
+]
 # Where stacked affinities are not square or not symmetric, this is the usual cause.
 OF_A_FOLD = (
     "the rows of a fold are no stacked affinities: cross-validate tracks, with "
@@ -138,32 +144,6 @@ def check_estimator_parameters(estimator):
             each._validate_params()
 
 
-def as_memory(memory):
-    """A joblib.Memory, of one, a path or None, which remembers nothing."""
-    is_path = isinstance(memory, os.PathLike)
-    return check_memory(os.fspath(memory) if is_path else memory)
-
-
-def check_cacheable(memory: object, random_state: object, name: str) -> None:
-    """Warn where nothing that is kept could be found again.
-
-    Parameters
-    ----------
-    memory : object
-        As given to an estimator; None is no memory.
-    random_state : object
-        Of the same estimator.
-    name : str
-        Of the parameter, for the message.
-    """
-    if memory is not None and not isinstance(random_state, int | np.integer):
-        warnings.warn(
-            f"memory has no effect without an integer {name}, because other seeds "
-            f"give other results; got {name}={random_state!r}",
-            stacklevel=4,
-        )
-
-
 def read_matrix(estimator, X, **checks):
     """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
 
@@ -226,6 +206,32 @@ def check_n_groups(name, count, graph):
         )
 
 
+def check_labels(
+    labels: npt.ArrayLike, name: str = "labels"
+) -> npt.NDArray[np.integer]:
+    """Labels as a vector of integers.
+
+    Parameters
+    ----------
+    labels : array-like of int, shape (n_tracks,)
+    name : str, default="labels"
+        What they are, for the message.
+
+    Raises
+    ------
+    ValueError
+        If they are no vector, or no whole numbers.
+    """
+    labels = np.asarray(labels)
+    if labels.ndim != 1:
+        raise ValueError(f"{name} must be a vector; got shape {labels.shape}")
+    if not labels.size:
+        return labels.astype(int)  # an empty list has no integers
+    if labels.dtype.kind not in "iu":
+        raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
+    return labels
+
+
 def check_label_each(
     labels: npt.ArrayLike, n_tracks: int, name: str = "labels"
 ) -> npt.NDArray[np.integer]:
@@ -248,8 +254,4 @@ def check_label_each(
         raise ValueError(
             f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
         )
-    if not labels.size:
-        return labels.astype(int)  # an empty list has no integers
-    if labels.dtype.kind not in "iu":
-        raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
-    return labels
+    return check_labels(labels, name)

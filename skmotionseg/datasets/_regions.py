@@ -13,6 +13,7 @@ from sklearn.utils import Bunch
 
 from .._core.geometry.tracks import unpack_tracks
 from .._utils.optional import require
+from .._utils.warning import warn_user
 from ._moseg import read_definition, read_moseg_tracks
 
 FBMS_SETS = ("Trainingset", "Testset")
@@ -358,10 +359,9 @@ def _as_regions(image, scales, path):
     region = order[place]
     unknown = scales[region] != image
     if unknown.any():
-        warnings.warn(
+        warn_user(
             f"{path}: {int(unknown.sum())} pixels have colours that the definition "
             "does not list; they are taken as its first region",
-            stacklevel=5,
         )
         region[unknown] = 0
     return region

@@ -69,7 +69,7 @@ def _log_uniform(rng, low, high):
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _camera(settings, rng, steps, turns):
+def _camera(settings, steps, turns):
     """A camera that moves by ``steps`` (n_frames, 3), in its own axes, and turns.
 
     ``turns`` (n_frames, 3) are rotation vectors of the whole way since the start.
@@ -81,7 +81,7 @@ def _camera(settings, rng, steps, turns):
 
 def _still_camera(settings):
     nowhere = np.zeros((settings.n_frames, 3))
-    return _camera(settings, None, nowhere, nowhere)
+    return _camera(settings, nowhere, nowhere)
 
 
 def _hand_held_camera(settings, rng, depth=1.0, flow=None):
@@ -93,7 +93,7 @@ def _hand_held_camera(settings, rng, depth=1.0, flow=None):
     steps = unit * depth * (0.6 * smooth(n_frames, rng, period=30) + drift)
     turns = unit * 0.5 * smooth(n_frames, rng, period=25).cumsum(axis=0)
     turns += unit * 0.2 * rng.uniform() * rng.standard_normal((n_frames, 3))
-    return _camera(settings, rng, steps, turns)
+    return _camera(settings, steps, turns)
 
 
 def _orbiting_camera(settings, rng, depth, angle, astray):
@@ -265,7 +265,7 @@ def _street(settings, rng):
     yaw = np.radians(rng.normal(0, 0.6) + 0.3 * smooth(n_frames, rng, 1)).cumsum()
     turns = np.radians(rng.uniform(0, 0.12)) * rng.standard_normal((n_frames, 3))
     turns[:, 1] += yaw - yaw[n_frames // 2]
-    camera = _camera(settings, rng, steps, turns)
+    camera = _camera(settings, steps, turns)
 
     def draw(placed):
         return _car(settings, camera, rng, speed)
@@ -387,7 +387,7 @@ def _rotation(settings, rng):
     rate = np.radians(_log_uniform(rng, 0.05, 0.8))
     turns = rate * (direction(rng) + 0.5 * smooth(n_frames, rng)).cumsum(axis=0)
     turns -= turns[n_frames // 2]
-    camera = _camera(settings, rng, np.zeros((n_frames, 3)), turns)
+    camera = _camera(settings, np.zeros((n_frames, 3)), turns)
 
     def draw(placed):
         return _thing(settings, camera, rng, (0.5, 2), (0.03, 0.15), (0.002, 0.012))

@@ -460,7 +460,7 @@ def _film(
     errors += bending(points, seen, target, levels, bend_rng)
     motions = [things[motion].motion for motion in order]
     separations, separation = _separation(
-        points + errors, seen, target, motions, camera, rng
+        points + errors, seen, target, motions, camera
     )
     points = _distorted(points, settings.distortion, camera.size)
     scene = Bunch(
@@ -521,7 +521,7 @@ def _largest_first(target, n_motions):
     return labels[target], order
 
 
-def _separation(points, seen, target, motions, camera, rng):
+def _separation(points, seen, target, motions, camera):
     """Shares of tracks that their own motion explains best: each motion, and all."""
     sizes = np.bincount(target[target >= 0], minlength=len(motions))
     if len(motions) == 1:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Integral, Real
 
 import numpy as np
 import numpy.typing as npt
@@ -66,8 +67,8 @@ def make_rigid_motions(
 
     Raises
     ------
-    ValueError
-        If a number is out of range or a name unknown.
+    TypeError, ValueError
+        If a number is none or out of range, or a name unknown.
 
     Examples
     --------
@@ -78,8 +79,10 @@ def make_rigid_motions(
     >>> [int((y == motion).sum()) for motion in range(3)]
     [40, 20, 10]
     """
-    shapes = (shapes,) if isinstance(shapes, str) else tuple(shapes)
-    _check_scene(n_tracks, n_frames, n_motions, shapes, camera)
+    shapes = _as_tuple(shapes)
+    _check_types(Integral, n_tracks=n_tracks, n_frames=n_frames, n_motions=n_motions)
+    _check_types(Real, missing=missing, noise=noise, outliers=outliers)
+    _check_scene(n_frames, n_motions, shapes, camera)
     _check_shares(missing, noise, outliers)
     rng = check_random_state(random_state)
     n_outliers = round(outliers * n_tracks)
@@ -102,14 +105,28 @@ def make_rigid_motions(
     return tuple(shuffle(pack_tracks(points, visibility), y, random_state=rng))
 
 
-def _check_scene(n_tracks, n_frames, n_motions, shapes, camera):
+def _as_tuple(shapes):
+    """Of one shape or of several."""
+    alone = isinstance(shapes, str) or not np.iterable(shapes)
+    return (shapes,) if alone else tuple(shapes)
+
+
+def _check_types(kind, **numbers):
+    """Refuse what is no number of this kind."""
+    expected = "a whole number" if kind is Integral else "a number"
+    for name, value in numbers.items():
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} must be {expected}; got {value!r}")
+
+
+def _check_scene(n_frames, n_motions, shapes, camera):
     if n_frames < 2 or n_motions < 1:
         raise ValueError(
             "a scene needs at least 2 frames and 1 motion; got "
             f"n_frames={n_frames} and n_motions={n_motions}"
         )
-    unknown = set(shapes) - set(SHAPES)
-    if unknown or not shapes or camera not in CAMERAS:
+    known = all(shape in SHAPES for shape in shapes)
+    if not known or not shapes or camera not in CAMERAS:
         raise ValueError(
             f"shapes must be of {SHAPES} and camera of {CAMERAS}; got {shapes} and "
             f"{camera!r}"

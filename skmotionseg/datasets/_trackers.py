@@ -9,6 +9,7 @@ from scipy.special import expit
 
 from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from .._utils.validation import LARGEST_SHARE, are_shares, farthest_from_zero
+from .._utils.warning import warn_user
 from ._npz import NpzArrays
 from ._sizes import whole_numbers
 
@@ -200,12 +201,11 @@ def warn_if_normalized(data, name):
     if not are_shares(data):
         return
     largest = farthest_from_zero(data)
-    warnings.warn(
+    warn_user(
         f"all coordinates in {name} are between -{largest:.3g} and {largest:.3g}, so "
         "they are not pixels, and residuals are not in pixels either: if they are "
         "shares of the image's size, pass image_size=(width, height) (--image-size "
         "WIDTH HEIGHT of the command)",
-        stacklevel=3,
     )
 
 
@@ -220,12 +220,11 @@ def warn_if_swapped(data, name):
         return
     of_track, of_frame = _spread(unpack_tracks(data)[0])
     if of_track > FARTHEST_MOVED * of_frame:
-        warnings.warn(
+        warn_user(
             f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "
             f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "
             'and frames are in each other\'s place, pass layout="frames_first" '
             "(--layout frames_first of the command)",
-            stacklevel=3,
         )
 
 

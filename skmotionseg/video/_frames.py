@@ -6,7 +6,6 @@ import math
 import os
 import re
 import struct
-import warnings
 from collections.abc import Callable, Iterable
 from copy import copy
 from itertools import islice
@@ -18,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .._utils.optional import require
+from .._utils.warning import warn_user
 
 # What frames are read from, and what is told how many are done, of how many.
 Source: TypeAlias = str | os.PathLike[str] | Iterable[npt.NDArray[np.uint8]] | int
@@ -237,10 +237,9 @@ def _read_video(path, n_announced):
     if n_announced is not None and n_read < n_announced:
         if n_read == 0:
             raise ValueError(f"none of the {n_announced} frames of {path} can be read")
-        warnings.warn(
+        warn_user(
             f"{path} is cut short or damaged: {n_read} of {n_announced} frames could "
             "be read",
-            stacklevel=2,
         )
 
 

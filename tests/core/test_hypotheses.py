@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from helpers import textbook
+from helpers.minimal_sets import fit_minimal_sets
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.utils import check_random_state
 
@@ -15,7 +16,6 @@ from skmotionseg._core.geometry import hypotheses
 from skmotionseg._core.geometry.hypotheses import (
     draw_hypotheses,
     draw_minimal_sets,
-    fit_minimal_sets,
     residual_matrix,
 )
 from skmotionseg._core.geometry.motion_models import MOTION_MODELS

@@ -6,29 +6,23 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from helpers.affinities import linked
 from helpers.two_images import two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skmotionseg._core.geometry.description_length import clip_geometry
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.graph.clustering import cluster_graph
 from skmotionseg._core.graph.cuts import own_shares
 from skmotionseg._core.graph.fusion import kernel_addition
-from skmotionseg._core.labels import canonical_labels
-from skmotionseg._core.partition.cost import Cost, Judge
+from skmotionseg._core.partition.clip import sparse_views
+from skmotionseg._core.partition.cost import Cost
 from skmotionseg._core.partition.rigid_partitions import RigidPartitions
 from skmotionseg._core.partition.rigid_search import NATS_OF_LINKS, Step
 from skmotionseg._core.partition.search import (
-    _by_frame_pairs,
-    _choose,
-    _Clip,
-    _cluster,
     _distinct,
     _Found,
-    _refine,
     _rigid_costs,
     _segments_of,
-    _sparse_views,
     _with_nearest,
     search_partitions,
 )
@@ -36,25 +30,17 @@ from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
 
-@pytest.fixture
-def judged():
-    """A scene, its judge on a graph with few links between motions, and the truth."""
-    X, y = make_rigid_motions(random_state=0)
-    graph = np.where(y[:, None] == y, 1, 0.02)
-    return Judge(clip_geometry(*unpack_tracks(X)), graph[None]), y
-
-
 def test_over_segments_are_those_that_consist_of_some_tracks_mostly():
     labels = np.repeat([0, 1, 2], [6, 5, 4])
     clip = SimpleNamespace(
         points=np.zeros((15, 2, 2)),
-        affinity=np.equal.outer(labels, labels).astype(float),
         sparse=[np.equal.outer(labels, labels).astype(float)[None]],
+        clusters=lambda graph, count: labels.copy(),
     )
     some = np.isin(np.arange(15), [0, 1, 2, 6, 7, 8, 11, 12, 13, 14])
-    found = _segments_of(clip, lambda graph, count: labels.copy(), some)
+    found = _segments_of(clip, some)
     assert_array_equal(found, np.repeat([-1, 0, 1], [6, 5, 4]))
-    none = _segments_of(clip, None, np.zeros(15, dtype=bool))
+    none = _segments_of(clip, np.zeros(15, dtype=bool))
     assert_array_equal(none, np.full(15, -1))
 
 
@@ -71,57 +57,6 @@ def test_tracks_that_were_left_out_are_in_the_motion_of_their_nearest():
     assert [cost for cost, _ in best.values()] == [Cost(0, 1, 1), Cost(0, 2, 2)]
 
 
-def test_a_partition_is_chosen_only_if_its_motions_gain(judged):
-    judge, y = judged
-    halves = np.random.default_rng(0).integers(0, 2, len(y))
-    torn = np.where(y == 0, 3 * halves, y)  # the background torn in two
-    one = np.zeros_like(y)
-    assert judge.each_gains(y)
-    assert not judge.each_gains(torn)
-    assert judge.each_gains(one)  # there is no pair
-    assert judge.gainless_pair(torn) == (0, 3)  # the halves of the background
-    best = {1: one, 3: y, 4: torn}
-    best = {n: (Cost(0, 5 - n, 5 - n), labels) for n, labels in best.items()}
-    assert _choose(best, judge) == (3, {4: (0, 3)})
-    assert _choose({4: best[4]}, judge) == (4, {})  # there is no other
-    none_gains = {4: best[4], 5: best[4]}
-    assert _choose(none_gains, judge) == (4, {4: (0, 3), 5: (0, 3)})
-
-
-def scene_with(outliers, seed=0, n_frames=12, **scene):
-    X, y = make_rigid_motions(
-        240, n_frames, outliers=outliers, random_state=seed, **scene
-    )
-    return X, y, unpack_tracks(X)
-
-
-def linked(y, within=1.0, across=0.02):
-    """An affinity that knows the motions; rubbish is linked to all alike."""
-    affinity = np.where(y[:, None] == y, within, across)
-    affinity[y < 0] = affinity[:, y < 0] = 0.2
-    return affinity
-
-
-# ------------------------------------------------------------------- refinement
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("counts", [[3], range(1, 6)])
-def test_refinement_never_raises_the_cost(counts, seed):
-    _, y, (points, visibility) = scene_with(0, seed)
-    rng = np.random.default_rng(seed)
-    clip = _Clip(points, visibility, linked(y)[None] * rng.uniform(0.5, 1), (4.0,))
-
-    def cluster(graph, n_clusters):
-        state = np.random.RandomState(seed)
-        return cluster_graph(graph, n_clusters, kernel_addition, 20, state)
-
-    start = canonical_labels(np.where(rng.random(len(y)) < 0.1, (y + 1) % 3, y))
-    end = _refine(start, clip, np.array(list(counts)), cluster)
-    assert clip.judge.cost(end).total <= clip.judge.cost(start).total
-    assert misclassification_error(y, end) < misclassification_error(y, start)
-
-
 @pytest.mark.parametrize("larger, smaller", [(0, 2), (2, 0)])
 def test_of_two_similar_motions_the_smaller_may_be_a_part(larger, smaller):
     sizes = np.full(3, 6)
@@ -131,59 +66,6 @@ def test_of_two_similar_motions_the_smaller_may_be_a_part(larger, smaller):
     expected[smaller] = 0.8
     assert_allclose(_distinct(step), expected)
     assert_allclose(_distinct(Step(0.0, np.zeros(5, dtype=int), [])), [1])
-
-
-def torn_scene():
-    """A clip whose background is torn in two, and its labels."""
-    _, y, (points, visibility) = scene_with(0)
-    clip = _Clip(points, visibility, linked(y)[None], (4.0,))
-    x = np.nanmean(points[..., 0], axis=1)
-    half = (y == 0) & (x > np.median(x[y == 0]))
-    return clip, y, canonical_labels(np.where(half, 3, y))
-
-
-def test_refinement_merges_what_does_not_gain_from_being_apart(monkeypatch):
-    clip, y, torn = torn_scene()
-
-    def in_one(graph, count):
-        return np.zeros(graph.n_samples, dtype=int)
-
-    assert torn.max() == 3
-    end = _refine(torn, clip, np.arange(1, 5), in_one)
-    assert misclassification_error(y, end) < 0.05
-    assert end.max() == 2
-    # No fewer than must be.
-    assert _refine(torn, clip, np.array([4]), in_one).max() == 3
-    # What gains stays apart, though one motion would cost less.
-    monkeypatch.setattr(clip.judge, "each_gains", lambda labels: True)
-    by_number = {k: Cost(0, 0, float(k)) for k in range(4)}
-    monkeypatch.setattr(clip.judge, "cost", lambda labels: by_number[labels.max()])
-    assert _refine(torn, clip, np.arange(1, 5), in_one).max() == 3
-
-
-@pytest.mark.parametrize("changes", [False, True])
-def test_what_is_known_of_a_partition_is_not_said_of_another(monkeypatch, changes):
-    first, other = np.array([0, 0, 1, 1]), np.array([0, 1, 1, 1])
-    best = {2: (Cost(0, 1, 1), first)}
-    module = "skmotionseg._core.partition.search."
-    monkeypatch.setattr(module + "_best_by_count", lambda *_: dict(best))
-    monkeypatch.setattr(module + "_choose", lambda *_: (2, {2: (0, 1)}))
-    refined = other if changes else first.copy()
-    monkeypatch.setattr(module + "_refine", lambda *_: refined)
-    clip = SimpleNamespace(judge=SimpleNamespace(cost=lambda _: Cost(0, 0.5, 0.5)))
-    found = _by_frame_pairs(clip, np.arange(1, 3), None)
-    assert found.chosen == 2
-    assert found.gainless == ({} if changes else {2: (0, 1)})
-    assert found.best[2][0].total == (0.5 if changes else 1)
-    assert_array_equal(found.best[2][1], refined)
-
-
-def test_tracks_that_a_graph_leaves_alone_have_the_label_of_their_nearest():
-    affinity = np.full((7, 7), 0.1)
-    affinity[5, 2:4] = affinity[6, :2] = 1  # the last two
-    first = np.array([1, 1, 0, 0, 0, -1, -1])
-    labels = _cluster(None, 2, affinity, lambda graph, count: first.copy())
-    assert_array_equal(labels, [1, 1, 0, 0, 0, 0, 1])
 
 
 def alone_in(n_tracks, alone, y):
@@ -218,11 +100,11 @@ def test_tracks_without_affinity_to_another_have_no_label():
     assert (found.shares[alone] == 0).all()
     # The shares are those in the sparsest graph.
     small = views[:, others[:, None], others]
-    expected = own_shares(_sparse_views(small, 4.0), found.labels[found.best, others])
+    expected = own_shares(sparse_views(small, 4.0), found.labels[found.best, others])
     assert_allclose(found.shares[others], expected)
     assert not np.allclose(
         expected,
-        own_shares(_sparse_views(small, 2.0), found.labels[found.best, others]),
+        own_shares(sparse_views(small, 2.0), found.labels[found.best, others]),
     )
     # Nor do they change what is found in the others.
     points, visibility = (each[others] for each in unpack_tracks(X))
@@ -271,9 +153,3 @@ def test_costs_of_rigid_motions_and_which_are_distinct():
     # Where the number is given, nobody asks.
     alone = _rigid_costs(search, RigidPartitions({2: steps[2]}, 2))
     assert alone.distinct is None
-
-
-def test_without_sparsity_all_affinities_are_kept():
-    views = np.random.default_rng(0).uniform(size=(2, 9, 9))
-    assert _sparse_views(views, None) is views
-    assert (_sparse_views(views, 4.0) == 0).any()

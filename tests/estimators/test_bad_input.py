@@ -517,7 +517,38 @@ FUNCTIONS = [
     case(
         "make_motion_pipeline, a count in words",
         lambda: make_motion_pipeline(n_clusters="many"),
-        "n_clusters must be a number or 'auto'; got 'many'",
+        r"'n_clusters' parameter .* an int .*{'auto'}. Got 'many' instead",
+    ),
+    case(
+        "make_motion_pipeline, no clusters",
+        lambda: make_motion_pipeline(n_clusters=0),
+        r"'n_clusters' parameter .* in the range \[1, inf\) .* Got 0 instead",
+    ),
+    case(
+        "make_motion_pipeline, more than all",
+        lambda: make_motion_pipeline(top=2),
+        r"'top' parameter of ORKKernel .* Got 2 instead",
+    ),
+    case(
+        "make_motion_pipeline, no hypotheses",
+        lambda: make_motion_pipeline(n_hypotheses=0),
+        "'n_hypotheses' parameter of HypothesisSampler",
+    ),
+    case(
+        "make_motion_pipeline, unknown fusion",
+        lambda: make_motion_pipeline(fusion="both"),
+        "unknown fusion 'both'",
+    ),
+    case(
+        "make_motion_pipeline, no range",
+        lambda: make_motion_pipeline(min_clusters=3, max_clusters=2),
+        "min_clusters must not exceed max_clusters; got 3 and 2",
+    ),
+    case(
+        "make_motion_pipeline, no models",
+        lambda: make_motion_pipeline(models=3),
+        "models must be names of motion models or MotionModel objects; got 3",
+        TypeError,
     ),
     case(
         "plot_motions, halves",
@@ -570,6 +601,27 @@ FUNCTIONS = [
 ]
 
 
+NO_JOBS = {
+    "MotionSegmenter": lambda: MotionSegmenter(n_jobs=0).fit(X),
+    "PerSequence": lambda: PerSequence(MotionSegmenter(), n_jobs=0).fit([X]),
+    "MultiModelSpectralClustering": lambda: MultiModelSpectralClustering(n_jobs=0).fit(
+        K
+    ),
+    "a clusterer": lambda: NCREModelSelector(
+        MultiModelSpectralClustering(n_jobs=0)
+    ).fit(K),
+    "make_motion_pipeline": lambda: make_motion_pipeline(n_jobs=0),
+    "a step": lambda: make_motion_pipeline().set_params(affinity__n_jobs=0).fit(X),
+}
+
+
+@pytest.mark.parametrize("place", NO_JOBS)
+def test_no_jobs(place, no_work):
+    words = r"'n_jobs' parameter of \w+ must be an int in .* or None. Got 0 instead"
+    with pytest.raises(ValueError, match=words):
+        NO_JOBS[place]()
+
+
 @pytest.mark.parametrize("call, error, words", FUNCTIONS)
 def test_bad_arguments_of_functions(call, error, words):
     with pytest.raises(error, match=words):
@@ -594,11 +646,19 @@ def test_bad_arguments_of_functions(call, error, words):
         ({"shapes": ()}, "shapes must be of"),
         ({"camera": "drone"}, "camera of .* got .* 'drone'"),
         ({"random_state": "zero"}, "'zero' cannot be used to seed"),
+        ({"n_tracks": 60.5}, "n_tracks must be a whole number; got 60.5"),
+        ({"n_frames": 6.5}, "n_frames must be a whole number; got 6.5"),
+        ({"n_motions": "2"}, "n_motions must be a whole number; got '2'"),
+        ({"missing": "x"}, "missing must be a number; got 'x'"),
+        ({"noise": "a"}, "noise must be a number; got 'a'"),
+        ({"outliers": None}, "outliers must be a number; got None"),
+        ({"shapes": 3}, "shapes must be of .*3"),
+        ({"shapes": ([],)}, "shapes must be of"),
     ],
     ids=str,
 )
 def test_bad_scenes(scene, words):
-    with pytest.raises(ValueError, match=words):
+    with pytest.raises((TypeError, ValueError), match=words):
         make_rigid_motions(**scene)
 
 

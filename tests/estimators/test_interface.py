@@ -9,6 +9,7 @@ import warnings
 import numpy as np
 import pandas as pd
 import pytest
+from helpers.own_models import SHIFT
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.metrics import adjusted_rand_score, get_scorer, make_scorer
@@ -23,6 +24,7 @@ from sklearn.pipeline import make_pipeline
 from skmotionseg import (
     EigengapModelSelector,
     HypothesisSampler,
+    MotionModel,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
@@ -32,7 +34,7 @@ from skmotionseg import (
     make_motion_pipeline,
     unpack_tracks,
 )
-from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import misclassification_error, sequence_scorer
 from skmotionseg.plotting import CountDisplay
 
@@ -194,10 +196,50 @@ def test_subsets_of_the_models_are_one_key_of_a_grid(tracks):
         assert union.n_features_in_ == X.shape[1]
 
 
-def test_models_of_a_union_must_be_there(tracks):
-    union = make_motion_pipeline(**SMALL)[0].set_params(models=("rigid",))
-    with pytest.raises(ValueError, match=r"models must be some of .*got \['rigid'\]"):
+@pytest.mark.parametrize(
+    "models, words",
+    [
+        (("rigid",), r"models must be some of \['affine', .*got \['rigid'\]"),
+        (SHIFT, r"models must be some of .*; got \['shift'\]"),
+        (("affine", 3), r"models must be some of .*; got \['affine', 3\]"),
+        ((), r"models must be some of .*; got \[\]"),
+        (
+            3,
+            r"'models' parameter of ModelUnion must be an array-like, .* Got 3 instead",
+        ),
+    ],
+)
+def test_models_of_a_union_must_be_there(models, words, tracks):
+    union = make_motion_pipeline(**SMALL)[0].set_params(models=models)
+    with pytest.raises((TypeError, ValueError), match=words):
         union.fit(tracks[0])
+
+
+def test_models_of_a_union_may_be_objects(tracks):
+    X, _ = tracks
+    pipeline = make_motion_pipeline((SHIFT, "affine", "homography"), 2, **SMALL)
+    affine = MotionModel.built_in("affine")
+    for given, names in [
+        (SHIFT, ["shift"]),
+        ((SHIFT, affine), ["shift", "affine"]),
+        (["homography", affine], ["affine", "homography"]),
+    ]:
+        by_object = pipeline.set_params(affinity__models=given).fit_predict(X)
+        by_name = pipeline.set_params(affinity__models=names).fit_predict(X)
+        assert_array_equal(by_object, by_name)
+
+
+@pytest.mark.parametrize("dropped", [["affine", "homography"], ["affine"]])
+def test_a_union_needs_a_view(dropped, tracks):
+    models = ("affine", "homography")
+    union = make_motion_pipeline(models, **SMALL)[0].set_params(
+        models=dropped, **dict.fromkeys(dropped, "drop")
+    )
+    for fit in (union.fit, union.fit_transform):
+        with pytest.raises(
+            ValueError, match=r"at least one view; of .*all are dropped"
+        ):
+            fit(tracks[0])
 
 
 # ------------------------------------------------------------------------------ scorers
@@ -340,6 +382,30 @@ def test_memory_without_a_seed_is_warned_of(seed, tracks, tmp_path):
         warnings.filterwarnings("ignore", "Persisting input arguments")
         segmenter.set_params(random_state=0).fit(X)
         PerSequence(segmenter, memory=str(tmp_path)).fit([X])
+
+
+def test_warnings_point_at_the_code_of_the_user(tracks, tmp_path):
+    X, y = tracks
+    shares, table = X / 1280, tmp_path / "shares.npz"
+    np.savez(table, tracks=shares)
+    fast = {"n_hypotheses": 20, "selection": "ncre"}
+    segmenter = MotionSegmenter(2, **fast, random_state=0)
+    forgetful = MotionSegmenter(2, memory=str(tmp_path), **fast)
+    search = GridSearchCV(segmenter, {"lam": [0.1]}, scoring=lambda *_: 0, cv=whole(X))
+    calls = {
+        "fit": lambda: segmenter.fit(shares),
+        "fit_predict": lambda: segmenter.fit_predict(shares),
+        "pipeline": lambda: make_pipeline("passthrough", segmenter).fit(shares),
+        "search": lambda: search.fit(shares, y),
+        "memory": lambda: forgetful.fit(X),
+        "memory in a pipeline": lambda: make_motion_pipeline(memory=str(tmp_path)),
+        "sequences": lambda: PerSequence(forgetful, memory=str(tmp_path)).fit([X]),
+        "file": lambda: load_tracks(table),
+    }
+    for name, call in calls.items():
+        with pytest.warns(UserWarning) as caught:
+            call()
+        assert {each.filename for each in caught} == {__file__}, name
 
 
 @pytest.mark.parametrize("outliers", [0, 0.2])

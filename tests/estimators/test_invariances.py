@@ -15,6 +15,7 @@ from unittest import mock
 
 import numpy as np
 import pytest
+from helpers.minimal_sets import fit_minimal_sets
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.utils import check_random_state
 
@@ -27,7 +28,6 @@ from skmotionseg import (
 )
 from skmotionseg._core.geometry.hypotheses import (
     draw_minimal_sets,
-    fit_minimal_sets,
     residual_matrix,
 )
 from skmotionseg._core.geometry.motion_models import MOTION_MODELS

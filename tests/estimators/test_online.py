@@ -13,7 +13,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skmotionseg import OnlineMotionSegmenter
-from skmotionseg._segmenter.motions import stream_reasons
+from skmotionseg._segmenter.reasons import stream_reasons
 from skmotionseg.metrics import misclassification_error
 from skmotionseg.online import _with_living
 
@@ -62,6 +62,26 @@ def test_a_focal_length_that_is_given_is_kept(movie):
     _, _, segmenter = play(movie, segmenter, range(13))
     assert segmenter._stream.camera.unit == pytest.approx(FOCAL)
     assert segmenter.n_motions_ == 2
+
+
+@pytest.mark.parametrize("name, value", [("n_motions", 0), ("keep_history", False)])
+def test_parameters_cannot_change_after_the_first_frame(name, value, movie):
+    points, ids = movie.frame(0)
+    segmenter = OnlineMotionSegmenter(random_state=np.random.RandomState(0))
+    segmenter.update(points, ids)
+    old = segmenter.get_params()
+    segmenter.set_params(**{name: value})
+    words = rf"{name} was {old[name]!r} and is {value!r}: clone\(segmenter\) starts"
+    with pytest.raises(ValueError, match=words):
+        segmenter.update(points, ids)
+    assert segmenter.n_frames_ == 1
+    # As they were, it goes on, be it somewhere else.
+    segmenter = pickle.loads(pickle.dumps(segmenter.set_params(**{name: old[name]})))
+    segmenter.update(points, ids)
+    segmenter.random_state = np.random.RandomState(0)  # another one
+    with pytest.raises(ValueError, match="random_state was"):
+        segmenter.update(points, ids)
+    clone(segmenter.set_params(keep_history=False)).update(points, ids)
 
 
 def test_identities_last(movie, played):

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers.own_models import SHIFT
+from helpers.scripts import run_limited
 from joblib import Memory
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
@@ -29,6 +30,7 @@ from skmotionseg import (
     SelfTuningModelSelector,
     make_motion_pipeline,
 )
+from skmotionseg._segmenter.views import view_seeds
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -155,6 +157,34 @@ def test_the_pipeline_is_the_papers_segmenter_taken_apart(scene, models, count):
     labels = MotionSegmenter(count, **params, **PAPER).fit_predict(X)
     pipeline = make_motion_pipeline(n_clusters=count, sparsity=6, **params, **SMALL)
     assert_array_equal(pipeline.fit_predict(X), labels)
+
+
+def test_models_of_ones_own_have_hypotheses_of_their_own(scene):
+    X, _ = scene
+    twin = replace(SHIFT, name="twin")
+    both, alone = (
+        MotionSegmenter(3, models=models, **PAPER).fit(X).views_
+        for models in ((SHIFT, twin, A), (twin,))
+    )
+    drawn = {name: sampler.hypotheses_ for name, (sampler, _) in both.items()}
+    assert not np.array_equal(drawn["shift"], drawn["twin"])
+    # Whichever others there are, and in every process.
+    assert_array_equal(alone["twin"][0].hypotheses_, drawn["twin"])
+    seeds = view_seeds(np.random.RandomState(0), [SHIFT, twin])
+    assert (seeds["shift"], seeds["twin"]) == (1264577200, 1445088919)
+    built_in = view_seeds(np.random.RandomState(0), [])
+    assert seeds.items() >= built_in.items()
+    assert built_in.keys() == {*ALL, "clustering"}
+
+
+def test_another_built_in_model_changes_no_result_of_the_default():
+    before, after = (
+        run_limited("fourth_model.py", how, seconds=120) for how in ("as it is", "more")
+    )
+    assert before.returncode == after.returncode == 0, before.stderr + after.stderr
+    assert before.stderr.strip() == "unknown"
+    assert after.stderr.strip() == "other affine"
+    assert before.stdout == after.stdout
 
 
 # --------------------------------------------------------------------- many sequences

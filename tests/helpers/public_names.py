@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
+import pkgutil
 
 import skmotionseg
-from skmotionseg import cli, datasets, metrics, plotting, preprocessing, video
 
-
-def functions_of(module):
-    """Public functions that are written in the module."""
-    return {
-        name
-        for name, value in inspect.getmembers(module, inspect.isfunction)
-        if not name.startswith("_") and value.__module__ == module.__name__
-    }
+MODULES = {
+    info.name: importlib.import_module(f"skmotionseg.{info.name}")
+    for info in pkgutil.iter_modules(skmotionseg.__path__)
+    if not info.name.startswith("_")
+}
 
 
 def own_methods(cls):
@@ -28,16 +26,10 @@ def own_methods(cls):
 
 NAMES = {
     f"{module.__name__}.{name}": getattr(module, name)
-    for module, names in (
-        (skmotionseg, skmotionseg.__all__),
-        (datasets, datasets.__all__),
-        (metrics, functions_of(metrics)),
-        (plotting, plotting.__all__),
-        (preprocessing, functions_of(preprocessing)),
-        (video, video.__all__),
-        (cli, {"main"}),
-    )
-    for name in sorted(names)
+    for module in (skmotionseg, *MODULES.values())
+    for name in sorted(module.__all__)
+    # What the package has at its top is listed there.
+    if module is skmotionseg or name not in skmotionseg.__all__
 }
 
 

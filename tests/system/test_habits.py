@@ -121,7 +121,11 @@ def imports_from(path, module):
 
 CALLABLES = {
     **{name: value for name, value in NAMES.items() if value not in CLASSES},
-    **{f"{cls.__name__}.__init__": cls.__init__ for cls in CLASSES},
+    **{
+        f"{cls.__name__}.__init__": cls.__init__
+        for cls in CLASSES
+        if not issubclass(cls, tuple)  # whose fields are typed
+    },
     **METHODS,
 }
 

@@ -747,8 +747,13 @@ def test_select_balanced_tracks():
     assert select_balanced_tracks([-1, -1]).all()
     with pytest.raises(ValueError, match="share must be"):
         select_balanced_tracks(labels, 0)
-    with pytest.raises(ValueError, match="labels must be a vector of integers"):
+    with pytest.raises(
+        ValueError, match=r"labels must be a vector; got shape \(1, 1\)"
+    ):
         select_balanced_tracks([[0.5]])
+    with pytest.raises(ValueError, match="labels must be whole numbers"):
+        select_balanced_tracks([0.5])
+    assert select_balanced_tracks([]).shape == (0,)
 
 
 def test_select_inliers(scene):
@@ -762,7 +767,7 @@ def test_select_inliers(scene):
     assert select_inliers(Z, y, whisker=1e9)[sliding].all()
     assert not select_inliers(X, np.full_like(y, -1)).any()
     assert select_inliers(X, np.arange(len(y))).all()  # nobody to compare with
-    with pytest.raises(ValueError, match="need as many labels"):
+    with pytest.raises(ValueError, match="tracks need one label each; got labels of"):
         select_inliers(X, y[1:])
     with pytest.raises(ValueError, match="whisker must be"):
         select_inliers(X, y, whisker=-1)

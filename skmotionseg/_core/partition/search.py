@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -13,12 +11,12 @@ from scipy.special import expit
 from ..geometry.description_length import clip_geometry
 from ..geometry.windows import FEWEST_SEEN, Windows, reaching_frames
 from ..graph.cuts import own_shares
-from ..graph.neighbourhood import neighbourhood_thresholds, sparsify, strongest
+from ..graph.neighbourhood import strongest
 from ..graph.spectral import ViewGraph, connected_tracks
-from ..labels import canonical_labels, nearest_labels, nearest_votes_in_each
-from .agglomeration import merge_path
-from .cost import COST_NAMES, COST_WEIGHTS, Cost, Judge
-from .local_search import merged, moved, refine, split
+from ..labels import canonical_labels, nearest_votes_in_each
+from .clip import OVERSEGMENTATION, Clip
+from .cost import COST_NAMES, COST_WEIGHTS, Cost
+from .frame_pair_partitions import frame_pair_partitions
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
 from .rigid_partitions import rigid_partitions
@@ -32,10 +30,6 @@ from .two_view_partitions import (
 # Exponents of the epsilon-neighbourhood: candidates come from all, and the last is the
 # graph on which partitions are cut and over-segmented.
 SPARSITIES = (4.0, 8.0)
-# Over-segments that are merged again, unless more motions are looked for. Halved, the
-# error with the number known doubles on KT3DMoSeg; doubled, Hopkins12 loses two
-# numbers of 4.
-OVERSEGMENTATION = 8
 # Links of a track, by the simplest motion model, that tell motions apart: of a thousand
 # tracks the graph has up to 50 of each, and a small thing may have fewer tracks. On 32
 # dense simulated scenes, the error with the number known falls from 1.6 to 0.6 %.
@@ -128,7 +122,7 @@ def search_partitions(
     rigid motion over windows of frames (see :mod:`.rigid_partitions`), and where
     outliers are many, motions are searched again without them; of few or short tracks,
     it is fundamental matrices of frame pairs and the cut of the graph (see
-    :mod:`.cost`).
+    :mod:`.frame_pair_partitions`).
     Between two images, where most tracks may be mismatches, motions are searched for
     one by one, without the graph (see :mod:`.two_view_search`).
 
@@ -165,8 +159,8 @@ def search_partitions(
         if between is not None:
             return _between_two_images(between, connected, len(points), reject_outliers)
     views = views[:, connected[:, None], connected]
-    clip = _Clip(*some, views, sparsities, stratified)
-    found, explanation = _by_motions(clip, counts, cluster, focal_length)
+    clip = Clip(*some, views, sparsities, cluster, stratified)
+    found, explanation = _by_motions(clip, counts, focal_length)
     if not reject_outliers:
         explanation = None
     return _of_all_tracks(found, clip, connected, len(points), explanation)
@@ -248,27 +242,28 @@ class _Found(NamedTuple):
     distinct: np.ndarray | None = None
 
 
-def _by_motions(clip, counts, cluster, focal_length):
+def _by_motions(clip, counts, focal_length):
     """The best partitions by the judge that fits a clip, and what explains its tracks.
 
     Outliers make motions of their own, and hide those of others. So where there are
     many, rigid motions are searched again without them: from new over-segments, and
     from what was found.
     """
-    found = _by_rigid_motion(clip, counts, cluster, focal_length)
+    found = _by_rigid_motion(clip, counts, focal_length)
     if found is None:
-        found = _by_frame_pairs(clip, counts, cluster)
-        return found, _explain(clip, found, cluster)
-    explanation = _explain(clip, found, cluster)
+        best, chosen, gainless = frame_pair_partitions(clip, counts)
+        found = _Found(best, chosen, gainless, {})
+        return found, _explain(clip, found)
+    explanation = _explain(clip, found)
     kept = _kept(clip, explanation, found.best[found.chosen][1])
     if len(kept) >= (1 - MANY_OUTLIERS) * len(clip.points):
         return found, explanation
     starts = [canonical_labels(labels[kept]) for _, labels in found.best.values()]
     part = clip.of(kept)
-    again = _by_rigid_motion(part, counts, cluster, focal_length, starts)
+    again = _by_rigid_motion(part, counts, focal_length, starts)
     if again is None:
         return found, explanation
-    explanation = _explain(part, again, cluster)
+    explanation = _explain(part, again)
     return _with_nearest(again, kept, clip.affinity), explanation
 
 
@@ -296,26 +291,7 @@ def _with_nearest(found, tracks, affinity):
     return found._replace(best=dict(zip(found.best, best, strict=True)))
 
 
-def _by_frame_pairs(clip, counts, cluster):
-    """The best partitions by a fundamental matrix per frame pair, and by the graph.
-
-    A candidate costs the nats per observation that its motions take to describe plus
-    its weighted normalised cut. The count of least cost is chosen, of those in which
-    all motions gain from being apart, and its partition is refined until the cost falls
-    no more.
-    """
-    best = _best_by_count(clip, counts, cluster)
-    chosen, gainless = _choose(best, clip.judge)
-    if len(counts) > 1 or counts[0] > 1:
-        refined = _refine(best[chosen][1], clip, counts, cluster)
-        if not np.array_equal(refined, best[chosen][1]):
-            chosen = int(refined.max()) + 1
-            best[chosen] = (clip.judge.cost(refined), refined)
-            gainless.pop(chosen, None)  # that was another partition
-    return _Found(best, chosen, gainless, {})
-
-
-def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
+def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     """The best partitions by rigid motion over windows; None where it tells little.
 
     Starts are partitions (n,) that are tried beside spectral clusterings.
@@ -326,7 +302,7 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     if windows is None:
         return None
     most = max(OVERSEGMENTATION, int(counts[0]) + 2)
-    graphs = _graphs(clip, most)
+    graphs = clip.graphs(most)
     if not graphs:
         return None
     few = strongest(views[0], LINKS)
@@ -334,7 +310,7 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
 
     def candidates(n_motions):
         clusterings = [
-            _cluster(graph, n_motions, clip.affinity, cluster)
+            clip.clusters(graph, n_motions)
             for graph in (*graphs, of_few)
             if 1 < n_motions <= graph.n_leading
         ]
@@ -344,24 +320,12 @@ def _by_rigid_motion(clip, counts, cluster, focal_length=None, starts=()):
     search = RigidSearch(windows, affinity, few, share)
 
     def finer(n_groups):
-        return _over_segments(clip, _graphs(clip, n_groups), cluster)
+        return clip.over_segments(clip.graphs(n_groups))
 
-    over_segments = _over_segments(clip, graphs, cluster)
-    bisect = partial(_bisect, clip, cluster)
-    found = rigid_partitions(search, over_segments, counts, candidates, bisect, finer)
+    found = rigid_partitions(
+        search, clip.over_segments(graphs), counts, candidates, clip.bisect, finer
+    )
     return None if found is None else _rigid_costs(search, found)
-
-
-def _graphs(clip, most):
-    """Graphs of so many clusters at most, the sparsest first, that have some."""
-    most = min(most, len(clip.points))
-    graphs = [ViewGraph.from_affinities(views, most) for views in clip.sparse[::-1]]
-    return [graph for graph in graphs if graph.n_leading > 1]
-
-
-def _over_segments(clip, graphs, cluster):
-    """A partition by each graph into as many clusters as it has."""
-    return [_cluster(g, g.n_leading, clip.affinity, cluster) for g in graphs]
 
 
 def _rigid_costs(search, found):
@@ -437,102 +401,13 @@ def _put(positions, values, n, other):
     return everywhere
 
 
-class _Clip:
-    """The tracks of a clip, their affinities, and what partitions of them cost."""
-
-    def __init__(self, points, visibility, views, sparsities, stratified=False):
-        self.points, self.visibility = points, visibility
-        self.views, self.sparsities = views, sparsities
-        self.stratified = stratified
-        self.affinity = views.mean(axis=0)
-        self.sparse = [_sparse_views(views, alpha) for alpha in sparsities]
-        self.geometry = clip_geometry(points, visibility)
-        self.judge = Judge(self.geometry, self.sparse[-1], stratified)
-
-    def of(self, tracks):
-        """The clip of some of its tracks."""
-        return _Clip(
-            self.points[tracks],
-            self.visibility[tracks],
-            self.views[:, tracks[:, None], tracks],
-            self.sparsities,
-            self.stratified,
-        )
-
-    def distances(self, motions):
-        """Distances (M, n) of the tracks from motions."""
-        return motions.distances(self.points, self.visibility)
-
-
-def _best_by_count(clip, counts, cluster):
-    """The partition of lowest cost per number of motions: {count: (cost, labels)}."""
-    best: dict[int, tuple[Cost, np.ndarray]] = {}
-    tried = set()
-    for labels in _candidates(clip, counts, cluster):
-        if labels.tobytes() in tried:
-            continue
-        tried.add(labels.tobytes())
-        count = int(labels.max()) + 1
-        cost = clip.judge.cost(labels)
-        if count not in best or cost.total < best[count][0].total:
-            best[count] = (cost, labels)
-    # Identical tracks may give fewer groups than were asked for.
-    return {int(n): best[n] for n in counts if n in best} or {
-        max(best): best[max(best)]
-    }
-
-
-def _refine(labels, clip, counts, cluster):
-    """A partition of no higher cost: tracks moved, motions merged or split.
-
-    Motions that gain from being apart are not merged, whatever the cost.
-    """
-
-    bisect = partial(_bisect, clip, cluster)
-
-    def changes(labels):
-        motions = fit_motions(clip.geometry, labels, clip.affinity)
-        relative = clip.distances(motions) / motions.inlier_thresholds[:, None]
-        return chain(
-            moved(labels, relative),
-            merged(labels) if mergeable(labels) else (),
-            split(labels, bisect) if labels.max() + 2 <= counts[-1] else (),
-        )
-
-    def mergeable(labels):
-        return labels.max() >= counts[0] and not clip.judge.each_gains(labels)
-
-    def gaining(labels):
-        free = len(counts) == 1 or not clip.judge.each_gains(labels)
-        return (
-            canonical_labels(new)
-            for new in changes(labels)
-            if free or clip.judge.each_gains(new)
-        )
-
-    return refine(
-        labels,
-        lambda labels: clip.judge.cost(labels).total,
-        gaining,
-    )
-
-
-def _bisect(clip, cluster, group):
-    """Which tracks of a group are in the smaller of two halves; None if none are."""
-    views = clip.sparse[-1][:, group[:, None], group]
-    graph = ViewGraph.from_affinities(views, 2)
-    if graph.n_leading < 2:
-        return None
-    return _cluster(graph, 2, clip.affinity[np.ix_(group, group)], cluster) == 1
-
-
-def _explain(clip, found, cluster):
+def _explain(clip, found):
     """Motions of the chosen partition, and those of over-segments that it has lost."""
     labels = found.best[found.chosen][1]
     motions = fit_motions(clip.geometry, labels, clip.affinity)
     lost = ~inliers(motions, clip.distances(motions)).any(axis=0)
     spare = motions[:0]
-    segments = _segments_of(clip, cluster, lost)
+    segments = _segments_of(clip, lost)
     if segments.max() >= 0:
         spare = fit_motions(clip.geometry, segments, clip.affinity)
         spare = spare[usual(spare.noise, motions.noise[labels])]
@@ -540,7 +415,7 @@ def _explain(clip, found, cluster):
     return Explanation(motions, spare, odd)
 
 
-def _segments_of(clip, cluster, some):
+def _segments_of(clip, some):
     """Labels of the over-segments most of whose tracks are some given ones; else -1."""
     if not some.any():
         return np.full(len(some), -1)
@@ -549,72 +424,6 @@ def _segments_of(clip, cluster, some):
     )
     labels = np.zeros(len(clip.points), dtype=int)
     if graph.n_leading > 1:
-        labels = _cluster(graph, graph.n_leading, clip.affinity, cluster)
+        labels = clip.clusters(graph, graph.n_leading)
     mostly = 2 * np.bincount(labels, weights=some) > np.bincount(labels)
     return canonical_labels(np.where(mostly[labels], labels, -1))
-
-
-def _choose(best, judge):
-    """The count of the lowest cost of those whose motions gain; else the least.
-
-    Of equal costs, as of groups that are never seen together, the larger count. Also
-    returns two motions that gain too little for each count that was passed over.
-    """
-    if len(best) == 1:
-        return min(best), {}
-    gainless: dict[int, tuple[int, int]] = {}
-    for count in sorted(
-        best, key=lambda count: (round(best[count][0].total, 9), -count)
-    ):
-        pair = judge.gainless_pair(best[count][1])
-        if pair is None:
-            return count, gainless
-        gainless[count] = pair
-    return min(best), gainless
-
-
-def _sparse_views(views, alpha):
-    if alpha is None:
-        return views
-    sparse = []
-    for view in views:
-        thresholds = neighbourhood_thresholds(view, alpha, np.diagonal(view))
-        sparse.append(sparsify(view, thresholds, thresholds))
-    return np.stack(sparse)
-
-
-def _candidates(clip, counts, cluster):
-    """Yield partitions (n,) of all tracks, some of them more than once."""
-    n_tracks = len(clip.points)
-    yield np.zeros(n_tracks, dtype=int)
-    if counts[-1] == 1:
-        return
-    most = max(int(counts[-1]), min(OVERSEGMENTATION, n_tracks))
-    graphs = [
-        [ViewGraph.from_affinities(views, most) for views in _model_subsets(stack)]
-        for stack in clip.sparse
-    ]
-    # Sparse enough, a graph joins no two tracks: it has nothing to say.
-    graphs = [[graph for graph in some if graph.n_leading > 0] for some in graphs]
-    for graph in chain(*graphs):
-        for count in counts[(counts > 1) & (counts <= graph.n_leading)]:
-            yield _cluster(graph, int(count), clip.affinity, cluster)
-    for graph in graphs[-1]:
-        oversegmented = _cluster(graph, graph.n_leading, clip.affinity, cluster)
-        yield from merge_path(
-            oversegmented, clip.affinity, clip.judge.lengths[0], max(2, int(counts[0]))
-        )
-
-
-def _model_subsets(views):
-    """All models, and all but the simplest where that leaves two."""
-    return [views, views[1:]] if len(views) > 2 else [views]
-
-
-def _cluster(graph, count, affinity, cluster):
-    """Labels of all tracks, those the sparse graph leaves alone by their nearest."""
-    labels = cluster(graph, count)
-    alone = labels < 0
-    if alone.any():
-        labels[alone] = nearest_labels(affinity[alone][:, ~alone], labels[~alone])
-    return canonical_labels(labels)

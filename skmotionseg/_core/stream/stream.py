@@ -28,7 +28,7 @@ from .following import (
     newly_held,
 )
 from .history import History
-from .identities import Numbers, Trace, enough_shared, going_on, parts
+from .identities import Numbers, Trace, enough_shared, parts
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -38,6 +38,7 @@ from .living import (
     refit,
     verdict,
 )
+from .renewing import in_order, recognised, rows_of_groups, shared_tracks
 from .starting import SCALE_OF_NOISE, SEARCHED_AGAIN, Beginning, calibrate
 from .window import FEWEST_TRACKS, LENGTH, Window
 
@@ -55,11 +56,20 @@ CUT_AFTER = 3
 class Event(NamedTuple):
     """Something that happened in a stream.
 
-    Attributes
+    Parameters
     ----------
     frame : int
+        The frame in which it did; 0 is the first.
     kind : str
+        Such as "new", for a motion that was not there before.
     words : str
+        What happened, in a sentence.
+
+    Examples
+    --------
+    >>> from skmotionseg.online import Event
+    >>> print(Event(12, "new", "motion 2 is new"))
+    frame 12: motion 2 is new
     """
 
     frame: int
@@ -257,14 +267,14 @@ class MotionStream:
         for column in reversed(range(len(self.motions))):
             if self.motions[column].is_candidate:
                 self._remove(column, "dropped", None, [])
-        groups = self._groups(ids, labels)
+        groups = rows_of_groups(buffer, ids, labels)
         events: list[Event] = []
         self._merge_parts(groups, events)
-        groups, names = self._recognised(groups)
+        groups, names = recognised(buffer, self.motions, groups)
         window = Window(buffer.points, buffer.seen, self.camera)
         fits = window.fit(groups)
         # What lives already first: what is new is compared with it.
-        for k in _in_order(groups, names, len(groups) - len(self.motions)):
+        for k in in_order(groups, names, len(groups) - len(self.motions)):
             if fits[k] is not None:
                 names[k] = self._renew_one(window, groups[k], fits[k], names[k], events)
         if self.history is not None:
@@ -275,38 +285,14 @@ class MotionStream:
             self._assign(window, fitted_groups(buffer, self.motions))
         return events
 
-    def _groups(self, ids, labels):
-        """Rows of the groups of a partition, of the tracks that are in the buffer."""
-        found = np.full(len(self.buffer.ids), UNKNOWN)
-        here = np.isin(ids, self.buffer.ids)
-        found[np.searchsorted(self.buffer.ids, ids[here])] = labels[here]
-        return [np.flatnonzero(found == k) for k in range(labels.max() + 1)]
-
-    def _shared(self, groups):
-        """Tracks (n_groups, M) of each group that follow each motion, and numbers."""
-        living = [motion.number for motion in self.motions]
-        of_groups = [self.buffer.labels[rows] for rows in groups]
-        shared = [[np.sum(own == number) for number in living] for own in of_groups]
-        return np.array(shared).reshape(len(groups), len(living)), living
-
     def _merge_parts(self, groups, events):
         """Merge motions that are in one group, unless they were found apart before."""
-        for number, other in parts(*self._shared(groups)):
+        shared = shared_tracks(self.buffer, self.motions, groups)
+        for number, other in parts(*shared):
             living = {motion.number: motion for motion in self.motions}
             kept, ended = living.get(number), living.get(other)
             if kept and ended and not ended.is_established:
                 self._remove(self.motions.index(ended), "merged", kept, events)
-
-    def _recognised(self, groups):
-        """Groups and their numbers if they have them.
-
-        Tracks of living motions that are no group remain where they are.
-        """
-        known = going_on(*self._shared(groups))
-        living = [motion.number for motion in self.motions]
-        kept = sorted(set(living) - set(known.values()))
-        left = [rows[~np.isin(self.buffer.labels[rows], kept)] for rows in groups]
-        return left, np.array([known.get(k, UNKNOWN) for k in range(len(groups))])
 
     def _renew_one(self, window, group, fit, number, events):
         """Give a living motion the tracks of a group, or let one begin; its number."""
@@ -679,13 +665,6 @@ class MotionStream:
 def _appeared(frame, number, again):
     kind, words = ("again", "is seen again") if again else ("new", "is new")
     return Event(frame, kind, f"motion {number} {words}")
-
-
-def _in_order(groups, names, n_new):
-    """Groups that go on, then the largest of those that are new, so many at most."""
-    new = [k for k in range(len(groups)) if names[k] == UNKNOWN]
-    new = sorted(new, key=lambda k: -len(groups[k]))[: max(n_new, 0)]
-    return [k for k in range(len(groups)) if names[k] != UNKNOWN] + sorted(new)
 
 
 def _covered(buffer):

@@ -1,0 +1,51 @@
+"""Results that are kept, and found again."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+from sklearn.utils.validation import check_memory
+
+from .._version import __version__
+from .warning import warn_user
+
+
+def as_memory(memory):
+    """A joblib.Memory, of one, a path or None, which remembers nothing."""
+    is_path = isinstance(memory, os.PathLike)
+    return check_memory(os.fspath(memory) if is_path else memory)
+
+
+def check_cacheable(memory: object, random_state: object, name: str) -> None:
+    """Warn where nothing that is kept could be found again.
+
+    Parameters
+    ----------
+    memory : object
+        As given to an estimator; None is no memory.
+    random_state : object
+        Of the same estimator.
+    name : str
+        Of the parameter, for the message.
+    """
+    if memory is not None and not isinstance(random_state, int | np.integer):
+        warn_user(
+            f"memory has no effect without an integer {name}, because other seeds "
+            f"give other results; got {name}={random_state!r}",
+        )
+
+
+def recall(memory, segment, estimator, X):
+    """What an estimator says of tracks, from memory, or else put there.
+
+    Parameters
+    ----------
+    memory : joblib.Memory
+    segment : callable
+        ``(estimator, X, version) -> result``; the version says of what code it is.
+    estimator : estimator
+    X : array-like of shape (n_tracks, 2 * n_frames)
+    """
+    # Where joblib maps arrays into memory for its workers, they are hashed as others.
+    return memory.cache(segment)(estimator, np.asarray(X), __version__)
