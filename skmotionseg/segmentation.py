@@ -452,8 +452,9 @@ estimator, default="description_length"
     def _fit_whole(self, points, visibility, models):
         """Fit landmarks of all frames at once, and place the other tracks."""
         # The paper's rules take tracks as they are.
-        self._shutter = find_shutter(points, visibility) if self._by_length else None
-        self.readout_ = self._shutter.readout if self._by_length else np.zeros(2)
+        shutter = find_shutter(points, visibility) if self._by_length else None
+        self._shutter = shutter
+        self.readout_ = np.zeros(2) if shutter is None else shutter.readout
         # A frame that sees nothing must not part its neighbours.
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
         points = self._read_at_once(points, visibility)
