@@ -27,6 +27,7 @@ from benchmarks import (
     reliability,
     report,
     search_gap,
+    static_scenes,
     sensitivity,
     two_view_peers,
 )
@@ -71,6 +72,7 @@ MEASURED = {
     "reliability": reliability.COLUMNS,
     "two_view_peers": two_view_peers.COLUMNS,
     "search_gap": search_gap.COLUMNS,
+    "static_scenes": static_scenes.COLUMNS,
     "streams": online_bench.COLUMNS,
 }
 GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"

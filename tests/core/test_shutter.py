@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.shaken import shaken
 from numpy.testing import assert_allclose, assert_array_equal
 
+from benchmarks.static_scenes import shaken
 from skmotionseg import unpack_tracks
 from skmotionseg._core.geometry.shutter import Shutter, find_shutter, velocities
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.two_images import street, two_images
+from helpers.two_images import two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
+from benchmarks.static_scenes import street
 from skmotionseg._core.geometry.two_views import (
     MAP_UNKNOWNS,
     cost_of_surfaces,

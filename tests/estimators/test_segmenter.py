@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.shaken import shaken
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.base import BaseEstimator
 from sklearn.cluster import KMeans
 from sklearn.utils._param_validation import InvalidParameterError
 
+from benchmarks.static_scenes import shaken
 from skmotionseg import (
     MotionSegmenter,
     MultiModelSpectralClustering,

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.two_images import SIZE, street, two_images
+from helpers.two_images import SIZE, two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
+from benchmarks.static_scenes import street
 from skmotionseg import MotionSegmenter
 from skmotionseg.metrics import misclassification_error
 

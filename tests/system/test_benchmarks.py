@@ -26,6 +26,7 @@ from benchmarks import (
     runner,
     scenes,
     search_gap,
+    static_scenes,
     sensitivity,
     table,
     two_view_peers,
@@ -322,6 +323,25 @@ def test_search_gaps_are_summed_up():
     assert (row["error_closed"], row["error_open"]) == pytest.approx((2, 40))
     nothing = search_gap.row_of("none", [])
     assert nothing["n_scenes"] == 0 and nothing["closed"] is None
+
+
+def test_static_scenes_are_judged(monkeypatch):
+    X, surfaces = static_scenes.street(150, n_moving=30)
+    assert set(surfaces) == {0, 1, 2, static_scenes.MOVING}
+    right, found, error = static_scenes.judged(X, (surfaces == 3).astype(int))
+    assert right and found == 2 and error < 0.05
+    # As one motion it is wrong, and so is the rest as another.
+    right, _, error = static_scenes.judged(X, np.zeros(len(X), dtype=int))
+    assert not right and error > 0.05
+
+    def make(n_moving, seed):
+        X, surfaces = static_scenes.street(60, n_moving=n_moving, seed=seed)
+        return X, (surfaces == static_scenes.MOVING).astype(int)
+
+    monkeypatch.setattr(static_scenes, "scenes", lambda: {"small": make})
+    (row,) = static_scenes.measure(2)
+    assert row["n_scenes"] == row["static_right"] == 2
+    assert row["static_found"] == 1 and row["static_error"] < 5
 
 
 def test_page_is_rewritten_between_its_marks(tmp_path):
