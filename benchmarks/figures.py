@@ -27,8 +27,8 @@ from benchmarks import (
     reliability,
     report,
     search_gap,
-    static_scenes,
     sensitivity,
+    static_scenes,
     two_view_peers,
 )
 from benchmarks.__main__ import sections_of_speed

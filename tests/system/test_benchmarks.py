@@ -26,8 +26,8 @@ from benchmarks import (
     runner,
     scenes,
     search_gap,
-    static_scenes,
     sensitivity,
+    static_scenes,
     table,
     two_view_peers,
 )
