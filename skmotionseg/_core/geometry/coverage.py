@@ -145,7 +145,9 @@ class Neighbours:
         distance, neighbour = _kth(squared)
         near, which = np.unique(neighbour, return_inverse=True)
         usual = np.maximum(self._usual(near)[which], LEAST_DISTANCE)
-        return np.where(np.isfinite(distance), np.sqrt(distance / usual), np.inf)
+        farther = np.full(len(distance), np.inf)
+        np.divide(distance, usual, out=farther, where=np.isfinite(distance))
+        return np.sqrt(farther)
 
     def _usual(self, tracks):
         """Squared distances (m,) of some of the tracks from their neighbours."""

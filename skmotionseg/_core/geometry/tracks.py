@@ -323,9 +323,7 @@ def covisible_pairs(visibility, usual):
         The first frame of a pair before the second.
     """
     joinable = visibility[visibility.sum(axis=1) > 1]
-    reached = np.zeros(len(joinable), dtype=bool)
-    for first, second in usual:
-        reached |= joinable[:, first] & joinable[:, second]
+    reached = _reached(joinable, usual)
     if reached.all():
         return usual
     if reached.mean() >= ENOUGH_REACHED:
@@ -337,14 +335,24 @@ def covisible_pairs(visibility, usual):
     nearest = np.column_stack([np.arange(len(common)), common.argmax(axis=1)])
     chosen = np.concatenate([pairs[order], np.sort(nearest, axis=1)])
     chosen = np.unique(chosen, axis=0)
-    return chosen[common[tuple(chosen.T)] > 0]
+    chosen = chosen[common[tuple(chosen.T)] > 0]
+    missed = ~_reached(joinable, chosen)
+    return np.unique(_with_more(chosen, joinable, missed, MOST_COVISIBLE), axis=0)
 
 
-def _with_more(pairs, visibility, missed):
+def _reached(visibility, pairs):
+    """Whether some frame pair sees a track: bool, (n_tracks,)."""
+    reached = np.zeros(len(visibility), dtype=bool)
+    for first, second in pairs:
+        reached |= visibility[:, first] & visibility[:, second]
+    return reached
+
+
+def _with_more(pairs, visibility, missed, most=MOST_MORE):
     """Frame pairs, and those that see most of the tracks that were missed so far."""
     n_seen, left = _n_common(visibility), visibility[missed]
     more: list[tuple] = []
-    while len(left) and len(more) < MOST_MORE:
+    while len(left) and len(more) < most:
         n_left = np.triu(np.where(n_seen >= FEWEST_IN_PAIR, _n_common(left), 0), 1)
         first, second = np.unravel_index(n_left.argmax(), n_left.shape)
         if n_left[first, second] == 0:
