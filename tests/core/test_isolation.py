@@ -87,3 +87,21 @@ def test_what_stands_still_is_not_isolated():
     points = np.random.default_rng(0).uniform(0, 500, size=(100, 1, 2))
     still = np.repeat(points, 6, axis=1)
     assert_array_equal(isolation(still, np.ones((100, 6), dtype=bool)), 1)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_mismatches_of_two_images_are_isolated_and_small_things_are_not(share):
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1000, (1500, 2))
+    thing = rng.uniform(400, 480, (25, 2))
+    here = np.concatenate([x, thing])
+    there = np.concatenate([x + [20, 5], thing + [60, -30]])
+    there += rng.standard_normal(there.shape)
+    n = int(share / (1 - share) * len(here))
+    astray = rng.uniform(0, 1000, (2, n, 2))
+    points = np.stack([here, there], axis=1)
+    points = np.concatenate([points, astray.swapaxes(0, 1)])
+    found = isolation(points, np.ones((len(points), 2), dtype=bool)) > 4
+    assert found[:1500].mean() < 0.01
+    assert found[1500:1525].mean() < 0.1
+    assert found[1525:].mean() > 0.5

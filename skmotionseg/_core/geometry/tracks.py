@@ -18,7 +18,8 @@ ASTRAY = 2.0
 # Share of the points at either side that are not usual; more if one track may be it.
 OUTERMOST = 0.02
 # Share of the tracks that the usual frame pairs must see, or other pairs are taken, and
-# how many of those with most tracks in common.
+# how many of those with most tracks in common; as many again at most for tracks that
+# these miss.
 ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
 # Pairs that are added at most for tracks that the usual ones do not see, and tracks
 # that must be seen in each: those of a fundamental matrix.
@@ -309,8 +310,9 @@ def covisible_pairs(visibility, usual):
     The images of unordered photographs have no neighbours: what is seen in two of them
     may be seen in no two that follow one another. If the usual pairs see fewer than
     four fifths of the tracks that some pair sees, the pairs are those with most tracks
-    in common, each frame with at least one other. If they see most, but not all, a few
-    pairs are added that see the others, such as tracks with a gap in every other frame.
+    in common, each frame with at least one other, and those that see what these miss.
+    If they see most, but not all, a few pairs are added that see the others, such as
+    tracks with a gap in every other frame.
 
     Parameters
     ----------
