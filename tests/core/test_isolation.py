@@ -95,7 +95,7 @@ def test_mismatches_of_two_images_are_isolated_and_small_things_are_not(share):
     x = rng.uniform(0, 1000, (1500, 2))
     thing = rng.uniform(400, 480, (25, 2))
     here = np.concatenate([x, thing])
-    there = np.concatenate([x + [20, 5], thing + [60, -30]])
+    there = here + np.repeat([[20, 5], [60, -30]], [1500, 25], axis=0)
     there += rng.standard_normal(there.shape)
     n = int(share / (1 - share) * len(here))
     astray = rng.uniform(0, 1000, (2, n, 2))

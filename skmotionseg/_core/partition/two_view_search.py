@@ -216,6 +216,9 @@ class _Search:
             if members.sum() >= 2 * SAMPLE:
                 part, _ = self.propose(others, members, N_GROWN // 3)
                 changed |= self.keep(self._settle(found.motions + part[:1]))
+                # The best for its tracks may be what it is: two in place of it.
+                rest, _ = self.propose(others + part[:1], members, N_GROWN // 3)
+                changed |= self.keep(self._settle(others + part[:1] + rest[:1]))
         return changed
 
 
