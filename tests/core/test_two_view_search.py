@@ -101,7 +101,7 @@ def test_a_motion_is_proposed_of_what_the_others_do_not_explain(begun):
     assert (nats[0] > nats[1])[among].mean() > 0.9
 
 
-def test_each_motion_is_looked_at_for_another_in_it(begun, monkeypatch):
+def test_each_motion_is_looked_at_for_two_others_in_it(begun, monkeypatch):
     search, _, _, motions = begun
     search.best = {}
     search.keep(settle(search.scene, motions))
@@ -117,11 +117,13 @@ def test_each_motion_is_looked_at_for_another_in_it(begun, monkeypatch):
     assert [(n, n_grown) for n, _, n_grown in asked] == [
         (2, N_GROWN),
         (1, N_GROWN // 3),
+        (2, N_GROWN // 3),
         (1, N_GROWN // 3),
+        (2, N_GROWN // 3),
     ]
     assert asked[0][1] is None
-    for motion in range(2):
-        assert_array_equal(asked[motion + 1][1], labels == motion)
+    for k, (_, among, _) in enumerate(asked[1:]):
+        assert_array_equal(among, labels == k // 2)
 
 
 def test_motions_that_nothing_follows_are_not_kept(begun):
