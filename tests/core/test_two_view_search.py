@@ -112,8 +112,8 @@ def test_each_motion_is_looked_at_for_two_others_in_it(begun, monkeypatch):
         return propose(others, among, n_grown)
 
     monkeypatch.setattr(search, "propose", noted)
-    search.add_to(2)
     labels = search.best[2].labels
+    search.add_to(2)
     assert [(n, n_grown) for n, _, n_grown in asked] == [
         (2, N_GROWN),
         (1, N_GROWN // 3),
