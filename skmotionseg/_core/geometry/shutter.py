@@ -139,9 +139,24 @@ def _scale(windows):
 
 
 def _best_shutter(points, visibility, at_once):
-    """A shutter that is better by enough; None if there is none.
+    """A shutter that is better by enough; None if there is none."""
+    path = _line_search(points, visibility, at_once)
+    nats = [tried.nats for tried in path]
+    k = int(np.argmin(nats))
+    if not 0 < k < len(path) - 1:
+        return None
+    saved = (nats[0] - nats[k]) / len(path[0].tracks)
+    if saved < LEAST_SAVED or path[k].left > MOST_LEFT:
+        return None
+    step = path[1].shutter.readout
+    return path[k].shutter.later(step * _vertex(*nats[k - 1 : k + 2]))
 
-    A line search for the time in which a frame is read, each way that it may be.
+
+def _line_search(points, visibility, at_once):
+    """What is tried, the time of reading longer by a step each time.
+
+    Upwards, downwards or to a side: the way in which the first step is best. The last
+    step makes it no better, if there are not too many.
     """
     # With a wrong focal length, what turns is not rigid, either.
     some = (Windows(points, visibility, share) for share in FOCAL_LENGTHS)
@@ -159,14 +174,7 @@ def _best_shutter(points, visibility, at_once):
     step = path[1].shutter.readout
     while path[-1].nats < path[-2].nats and len(path) <= MOST_STEPS:
         path.append(after(path[-1], step))
-    nats = [tried.nats for tried in path]
-    k = int(np.argmin(nats))
-    if not 0 < k < len(path) - 1:
-        return None
-    saved = (nats[0] - nats[k]) / len(before.tracks)
-    if saved < LEAST_SAVED or path[k].left > MOST_LEFT:
-        return None
-    return path[k].shutter.later(step * _vertex(*nats[k - 1 : k + 2]))
+    return path
 
 
 def _nats_of(tried):
