@@ -32,6 +32,16 @@ MOST_WRONG = 0.05
 N_MOVING = 40
 # The label of the thing that moves, beside those of the three surfaces of a street.
 MOVING = 3
+COLUMNS = {
+    "scene": lambda row: row["row"],
+    "scenes": lambda row: str(row["n_scenes"]),
+    "static: right": report.number("static_right", "{:.0f}"),
+    "motions found": report.number("static_found"),
+    "error %": report.number("static_error"),
+    "one moving: right": report.number("moving_right", "{:.0f}"),
+    "found": report.number("moving_found"),
+    "its error %": report.number("moving_error"),
+}
 
 
 def street(n_tracks=300, *, n_moving=0, noise=0.5, seed=0):
@@ -203,18 +213,6 @@ def measure(n_scenes, n_jobs=None):
             rows.append(row)
     show_progress("")
     return rows
-
-
-COLUMNS = {
-    "scene": lambda row: row["row"],
-    "scenes": lambda row: str(row["n_scenes"]),
-    "static: right": report.number("static_right", "{:.0f}"),
-    "motions found": report.number("static_found"),
-    "error %": report.number("static_error"),
-    "one moving: right": report.number("moving_right", "{:.0f}"),
-    "found": report.number("moving_found"),
-    "its error %": report.number("moving_error"),
-}
 
 
 def main():

@@ -21,7 +21,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._core.geometry.description_length import clip_geometry
 from ._core.geometry.motion_models import MotionModel
-from ._core.geometry.shutter import find_shutter
+from ._core.geometry.shutter import AT_ONCE, find_shutter
 from ._core.geometry.tracks import (
     covisible_pairs,
     frame_pairs,
@@ -452,12 +452,11 @@ estimator, default="description_length"
     def _fit_whole(self, points, visibility, models):
         """Fit landmarks of all frames at once, and place the other tracks."""
         # The paper's rules take tracks as they are.
-        shutter = find_shutter(points, visibility) if self._by_length else None
-        self._shutter = shutter
-        self.readout_ = np.zeros(2) if shutter is None else shutter.readout
+        self._shutter = find_shutter(points, visibility) if self._by_length else AT_ONCE
+        self.readout_ = self._shutter.readout.copy()
         # A frame that sees nothing must not part its neighbours.
         self._frames = non_empty_frames(visibility, self.frame_gap + 1)
-        points = self._read_at_once(points, visibility)
+        points = self._shutter.at_once(points, visibility)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         n_landmarks = number_of_landmarks(self.n_landmarks, visibility, len(models))
         seeds = view_seeds(check_random_state(self.random_state), models)
@@ -487,11 +486,10 @@ estimator, default="description_length"
         self.stage_seconds_ = clock.with_total()
         return self
 
-    def _read_at_once(self, points, visibility):
-        """Points as if the camera had read all of each frame at once."""
-        if self._shutter is None:
-            return points
-        return self._shutter.at_once(points, visibility)
+    def _unpack(self, tracks):
+        """Points, as if the camera had read each frame at once, and visibility."""
+        points, visibility = unpack_tracks(tracks)
+        return self._shutter.at_once(points, visibility), visibility
 
     def _fit_in_windows(self, clip, X):
         """Set what is known of the tracks of a long clip."""
@@ -729,8 +727,7 @@ estimator, default="description_length"
         tracks = self._read_tracks(X, reset=False)
         if hasattr(self, "windows_"):
             return self._recall(tracks)
-        points, visibility = unpack_tracks(tracks)
-        points = self._read_at_once(points, visibility)
+        points, visibility = self._unpack(tracks)
         points, visibility = points[:, self._frames], visibility[:, self._frames]
         (labels,), _ = place_tracks(
             self.views_,
@@ -822,8 +819,7 @@ estimator, default="description_length"
         if hasattr(self, "windows_"):
             self._check_fitted_to(self._digests_of_long(tracks))
             return report_of_windows(self, LongClip(tracks, self.frame_gap + 1))
-        points, visibility = unpack_tracks(tracks)
-        points = self._read_at_once(points, visibility)
+        points, visibility = self._unpack(tracks)
         self._check_fitted_to(_digests(points[:, self._frames]))
         return make_report(self, points, visibility)
 

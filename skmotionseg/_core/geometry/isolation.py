@@ -20,9 +20,10 @@ SPAN = 2
 # exactly alike, little is much more than usual.
 LEAST_USUAL = 0.5
 # Between two images half of the tracks may be mismatches, which have each other as
-# neighbours. What is near in both images, they have not: in simulated pairs, a third of
-# them to nearly all are so many times farther from their third neighbour in both than
-# the nearest quarter is, and of what moves hardly any.
+# neighbours. What is near in both images, they have not: distances from the third
+# neighbour there are in units of so many times that of the nearest quarter. Of
+# mismatches in simulated pairs, a third to nearly all are four such units away, and of
+# what moves hardly any.
 NEAREST, TIMES = 0.25, 0.75
 
 

@@ -201,6 +201,25 @@ def _to_infinity(places):
     return places.points[:, 2] ** 2 * np.maximum(curvature, 0)
 
 
+def nats_of_residuals(squares, freedom, scale):
+    """Nats of residuals by a Student-t distribution.
+
+    Parameters
+    ----------
+    squares : ndarray
+        Summed over the residuals of a track.
+    freedom : ndarray of int
+        How many residuals that are, less what is fitted to the track.
+    scale : float
+
+    Returns
+    -------
+    ndarray
+    """
+    ratio = squares / (FREEDOM * scale**2)
+    return (FREEDOM + freedom) / 2 * np.log1p(ratio)
+
+
 def inverse_depths(x, seen, poses):
     """Inverse depths at which motions explain tracks best.
 

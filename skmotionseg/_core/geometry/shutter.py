@@ -19,9 +19,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .rigid_motion import FREEDOM
+from .rigid_motion import nats_of_residuals
 from .tracks import covered
-from .windows import FOCAL_LENGTHS, WINDOW_FRAMES, RigidMotion, Windows
+from .windows import (
+    FOCAL_LENGTHS,
+    WINDOW_FRAMES,
+    RigidMotion,
+    Windows,
+    at_all_distances,
+)
 
 # Tracks that are looked at, and those of them that a motion is fitted to.
 MOST_SEEN, MOST_FITTED = 400, 80
@@ -87,6 +93,10 @@ class Shutter(NamedTuple):
         return self._replace(readout=self.readout + step)
 
 
+# What leaves all tracks as they are.
+AT_ONCE = Shutter(np.zeros(2), np.ones(2), np.zeros(2))
+
+
 def find_shutter(points, visibility):
     """How a camera reads its frames, by the motion that most tracks have.
 
@@ -131,8 +141,7 @@ def _tried(shutter, windows, motion, tracks):
     """With the nats of the tracks."""
     squares = windows.relative_squares(motion)[tracks]
     freedom = windows.freedom[tracks]
-    nats = np.log1p(squares / (FREEDOM * _scale(windows) ** 2))
-    total = float(np.nansum((FREEDOM + freedom) / 2 * nats))
+    total = float(np.nansum(nats_of_residuals(squares, freedom, _scale(windows))))
     return _Tried(shutter, windows, motion, tracks, total)
 
 
@@ -248,14 +257,9 @@ def _vertex(before, at, after):
 
 
 def _spread(points, visibility, middle):
-    """Positions of some tracks that frames in a row see, at all distances.
-
-    To the sides, so that a mirrored video has the same.
-    """
+    """Positions of some tracks that are seen in three frames, at all distances."""
     often = np.flatnonzero(visibility.sum(axis=1) >= 3)
     if len(often) <= MOST_SEEN:
         return often
     places = np.nanmean(np.where(visibility[..., None], points, np.nan)[often], axis=1)
-    x, y = np.abs(places - middle).T
-    order = often[np.lexsort((y, x))]
-    return np.sort(order[np.linspace(0, len(order) - 1, MOST_SEEN).astype(int)])
+    return np.sort(often[at_all_distances(places - middle, MOST_SEEN)])

@@ -437,8 +437,7 @@ class Windows:
         """A reference frame, and tracks seen in it that a motion is fitted to.
 
         Of the frames that see most of a group the one nearest to the window's middle;
-        of its tracks some at all distances from their middle, to the sides, so that a
-        mirrored image has the same.
+        of its tracks some at all distances from their middle.
         """
         members = members[self.freedom[members, window] > 0]
         seen = self.seen[window, members]
@@ -449,11 +448,8 @@ class Windows:
         members = members[seen[:, reference]]
         if len(members) <= most_tracks:
             return reference, members
-        x, y = np.abs(self._from_middle(window, members, reference)).T
-        spread = members[np.lexsort((y, x))]
-        return reference, spread[
-            np.linspace(0, len(spread) - 1, most_tracks).astype(int)
-        ]
+        offsets = self._from_middle(window, members, reference)
+        return reference, members[at_all_distances(offsets, most_tracks)]
 
     def _from_middle(self, window, tracks, frame):
         x = self.x[window, tracks, frame]
@@ -472,6 +468,26 @@ class Windows:
             weights[k, :n] = 1
         references = np.array([job.reference for job in jobs])
         return x, seen, weights, np.full(len(jobs), self.least_noise), references
+
+
+def at_all_distances(offsets, n):
+    """Positions of some points at all distances from a middle, to the sides.
+
+    So that a mirrored image has the same.
+
+    Parameters
+    ----------
+    offsets : ndarray of shape (m, 2)
+    n : int
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        The nearest first.
+    """
+    x, y = np.abs(offsets).T
+    order = np.lexsort((y, x))
+    return order[np.linspace(0, len(order) - 1, n).astype(int)]
 
 
 class _Job(NamedTuple):

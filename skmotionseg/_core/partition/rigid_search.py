@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.camera import USUAL_FOCAL_LENGTH
-from ..geometry.rigid_motion import FREEDOM
+from ..geometry.rigid_motion import nats_of_residuals
 from ..geometry.windows import (
     FEWEST_TRACKS,
     FitRequest,
@@ -238,8 +238,7 @@ class RigidSearch:
         costs = []
         for motion in motions:
             squares = self.windows.relative_squares(motion)
-            ratio = squares / (FREEDOM * self.scale**2)
-            nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
+            nats = nats_of_residuals(squares, freedom, self.scale)
             nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
             costs.append(np.where(freedom > 0, nats, 0).sum(axis=1))
         return np.stack(costs, axis=1)

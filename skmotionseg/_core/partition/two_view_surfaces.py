@@ -74,10 +74,11 @@ def with_fewer_motions(scene: Scene, found: Segmentation):
     """
     now = Surfaces(*found, np.arange(len(found.motions)))
     links = _links_between(scene, found)
+    joints: dict[bytes, _Joint] = {}
     while True:
         yield now
         tried = [
-            _joined(scene, now, i, j)
+            _joined(scene, now, i, j, joints)
             for i in range(now.n_motions)
             for j in range(i)
             if _linked(links, now.motion_of, i, j) >= FEWEST_LINKS
@@ -98,24 +99,44 @@ def _linked(links, motion_of, i, j):
     return links[np.ix_(motion_of == i, motion_of == j)].sum()
 
 
-def _joined(scene, now, i, j):
-    """The same with two motions made one, of their common geometry."""
+class _Joint(NamedTuple):
+    """Surfaces of one motion, and what that saves and costs more in their places."""
+
+    motions: TwoViewMotions
+    saved: float
+    places: float
+
+
+def _joined(scene, now, i, j, joints):
+    """The same with two motions made one, of their common geometry.
+
+    What was fitted before, to the same surfaces, is in ``joints``.
+    """
     parts = [np.flatnonzero(now.motion_of == motion) for motion in (i, j)]
     both = np.sort(np.concatenate(parts))
-    views, shares = scene.views, now.shares[both]
+    key = both.tobytes()
+    if key not in joints:
+        joints[key] = _joint(scene.views, now, parts, both)
+    joint = joints[key]
+    motion_of = np.where(now.motion_of == i, j, now.motion_of)
+    return now._replace(
+        cost=now.cost - joint.saved,
+        data_cost=now.data_cost + joint.places,
+        motions=now.motions.with_rows(both, joint.motions),
+        motion_of=motion_of - (motion_of > i),
+    )
+
+
+def _joint(views, now, parts, both):
+    """The :class:`_Joint` of the surfaces of two motions."""
+    shares = now.shares[both]
     joint = fit_common_geometry(views, shares, now.motions[both], ROUNDS)
     places = -(shares * joint.log_densities(views)).sum()
     places += (shares * now.motions[both].log_densities(views)).sum()
     saved = NATS_OF_MOTION - cost_of_surfaces(views, shares, joint)
     for part in parts:
         saved += cost_of_surfaces(views, now.shares[part], now.motions[part])
-    motion_of = np.where(now.motion_of == i, j, now.motion_of)
-    return now._replace(
-        cost=now.cost - saved,
-        data_cost=now.data_cost + float(places),
-        motions=now.motions.with_rows(both, joint),
-        motion_of=motion_of - (motion_of > i),
-    )
+    return _Joint(joint, saved, float(places))
 
 
 def _cost_of(found):
