@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 
-from skmotionseg import MotionSegmenter
+from skmotionseg import MotionSegmenter, pack_tracks
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS
 from skmotionseg._core.partition.rigid_partitions import ROUNDS, rank, with_odds
 from skmotionseg.datasets import scene_families
@@ -65,7 +65,9 @@ def gap(scene):
     if hasattr(segmenter, "windows_") or not answered:
         return None
     search, found = answered[-1]  # without the outliers, where they are many
-    truth = np.maximum(true_labels(search, scene.data, scene.target), 0)
+    # What is searched are the tracks as a shutter that reads at once would show them.
+    tracks = pack_tracks(*segmenter._unpack(scene.data))
+    truth = np.maximum(true_labels(search, tracks, scene.target), 0)
     if np.bincount(truth, minlength=scene.n_motions).min() < FEWEST_TRACKS:
         return None
     (best,) = search.run(_from_truth(search, truth))
