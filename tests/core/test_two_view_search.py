@@ -34,7 +34,7 @@ def test_a_search_knows_the_costs_of_several_numbers():
     X, true = two_images([40, 30, 20], 60)
     x, y = ((X.reshape(-1, 2, 2) - 300) / 100).swapaxes(0, 1)
     rng = np.random.RandomState(0)
-    search = search_two_views(x, y, np.arange(1, 11), rng)
+    search = search_two_views(two_views(x, y), np.arange(1, 11), rng)
     costs = {count: found.cost for count, found in search.best.items()}
     assert min(costs, key=costs.get) == 3
     assert {1, 2, 3, 4} <= set(costs) <= set(range(1, MOST_MOTIONS + 1))
@@ -43,7 +43,8 @@ def test_a_search_knows_the_costs_of_several_numbers():
     for count, found in search.best.items():
         assert len(found.motions) == count
         assert_allclose(found.shares.sum(axis=0), 1)
-    assert search_two_views(x[:10], y[:10], np.arange(1, 3), rng) is None
+    few = two_views(x[:10], y[:10])
+    assert search_two_views(few, np.arange(1, 3), rng) is None
 
 
 def test_motions_are_found_as_long_as_they_pay():
@@ -149,4 +150,5 @@ def test_without_a_motion_nothing_is_found(monkeypatch):
     x, y = ((X.reshape(-1, 2, 2) - 300) / 100).swapaxes(0, 1)
     module = "skmotionseg._core.partition.two_view_search."
     monkeypatch.setattr(module + "settle", lambda *_: None)
-    assert search_two_views(x, y, np.arange(1, 3), np.random.RandomState(0)) is None
+    views, rng = two_views(x, y), np.random.RandomState(0)
+    assert search_two_views(views, np.arange(1, 3), rng) is None

@@ -342,6 +342,28 @@ def covisible_pairs(visibility, usual):
     return np.unique(_with_more(chosen, joinable, missed, MOST_COVISIBLE), axis=0)
 
 
+def pairs_with_most_tracks(visibility, fewest, most):
+    """Frame pairs with most tracks in common.
+
+    Parameters
+    ----------
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    fewest : int
+        Tracks that a pair must see.
+    most : int
+        Pairs.
+
+    Returns
+    -------
+    ndarray of int, shape (n_pairs, 2)
+        In the order of their frames, the first before the second.
+    """
+    pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
+    common = _n_common(visibility)[tuple(pairs.T)]
+    order = np.argsort(-common, kind="stable")[:most]
+    return pairs[np.sort(order[common[order] >= fewest])]
+
+
 def _reached(visibility, pairs):
     """Whether some frame pair sees a track: bool, (n_tracks,)."""
     reached = np.zeros(len(visibility), dtype=bool)

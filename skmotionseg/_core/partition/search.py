@@ -19,6 +19,7 @@ from .cost import COST_NAMES, COST_WEIGHTS, Cost
 from .frame_pair_partitions import frame_pair_partitions
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
+from .photograph_partitions import are_photographs, photograph_partitions
 from .rigid_partitions import rigid_partitions
 from .rigid_search import NATS_OF_LINKS, RigidSearch
 from .two_view_partitions import (
@@ -124,7 +125,8 @@ def search_partitions(
     it is fundamental matrices of frame pairs and the cut of the graph (see
     :mod:`.frame_pair_partitions`).
     Between two images, where most tracks may be mismatches, motions are searched for
-    one by one, without the graph (see :mod:`.two_view_search`).
+    one by one, without the graph (see :mod:`.two_view_search`), and of photographs
+    between each two of them (see :mod:`.photograph_partitions`).
 
     Parameters
     ----------
@@ -153,11 +155,9 @@ def search_partitions(
     """
     connected = connected_tracks(views)
     some = points[connected], visibility[connected]
-    if points.shape[1] == 2:
-        rng = np.random.RandomState(seed)
-        between = two_view_partitions(clip_geometry(*some), counts, rng)
-        if between is not None:
-            return _between_two_images(between, connected, len(points), reject_outliers)
+    between = _between_images(*some, counts, np.random.RandomState(seed))
+    if between is not None:
+        return _by_images(between, connected, len(points), reject_outliers)
     views = views[:, connected[:, None], connected]
     clip = Clip(*some, views, sparsities, cluster, stratified)
     found, explanation = _by_motions(clip, counts, focal_length)
@@ -186,8 +186,17 @@ def _of_all_tracks(found, clip, connected, n_tracks, explanation):
     )
 
 
-def _between_two_images(found, connected, n_tracks, reject_outliers):
-    """What a search between two images has found in the tracks that are connected."""
+def _between_images(points, visibility, counts, rng):
+    """What two images tell, or photographs two at a time; None of a video."""
+    if points.shape[1] == 2:
+        return two_view_partitions(clip_geometry(points, visibility), counts, rng)
+    if are_photographs(points, visibility):
+        return photograph_partitions(points, visibility, counts, rng)
+    return None
+
+
+def _by_images(found, connected, n_tracks, reject_outliers):
+    """What a search between images has found in the tracks that are connected."""
     labels = np.stack([labels for _, labels in found.best.values()])
     nobody = np.full((len(labels), 2), -1)
     return PartitionSearch(

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..geometry.description_length import WorkingFrames
 from ..geometry.motion_models import homogeneous
-from ..geometry.two_views import TwoViewMotions, TwoViews
+from ..geometry.two_views import TwoViewMotions, TwoViews, two_views
 from ..labels import canonical_labels
 from .cost import Cost
 from .motions import Motions
-from .two_view_search import search_two_views
+from .two_view_search import MOST_MOTIONS, search_two_views
 from .two_view_surfaces import Surfaces, with_fewer_motions
 
 # The terms of a cost.
@@ -24,8 +24,62 @@ TWO_VIEW_COST_NAMES = ("nats of labels and motions per track", "nats of places")
 TEMPERATURE = 8.0
 
 
+class ByDensity:
+    """What places and rejects tracks by log densities of motions and of mismatches.
+
+    Those who inherit it have ``motion_of``, the label of each row of densities but the
+    last, and ``_log_probabilities``.
+    """
+
+    motion_of: np.ndarray
+
+    def nearest(self, points, visibility, labels):
+        """Labels of the most probable motions, where enough is known of the track.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+        labels : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        seen, logarithms = self._log_probabilities(points, visibility)
+        labels = labels.copy()
+        labels[seen] = self.motion_of[logarithms[:-1].argmax(axis=0)]
+        return labels
+
+    def reject(self, points, visibility, labels):
+        """Labels with -1 for the tracks that are more likely to be mismatches.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+        labels : ndarray of int, shape (n,)
+
+        Returns
+        -------
+        ndarray of int, shape (n,)
+        """
+        seen, logarithms = self._log_probabilities(points, visibility)
+        mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
+        labels = labels.copy()
+        labels[np.flatnonzero(seen)[mismatched]] = -1
+        return labels
+
+    def _log_probabilities(self, points, visibility):
+        """Tracks that something is known of, (n,); log probabilities (M + 1, n_known).
+
+        The last row is of mismatches.
+        """
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
-class TwoViewExplanation:
+class TwoViewExplanation(ByDensity):
     """The motions of two images, which place and reject tracks by their densities.
 
     Attributes
@@ -68,45 +122,7 @@ class TwoViewExplanation:
             motion_of=motion_of[kept],
         )
 
-    def nearest(self, points, visibility, labels):
-        """Labels of the most probable motions, where both images see the track.
-
-        Parameters
-        ----------
-        points : ndarray of shape (n, 2, 2)
-        visibility : ndarray of bool, shape (n, 2)
-        labels : ndarray of int, shape (n,)
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-        """
-        seen, logarithms = self._log_probabilities(points, visibility)
-        labels = labels.copy()
-        labels[seen] = self.motion_of[logarithms[:-1].argmax(axis=0)]
-        return labels
-
-    def reject(self, points, visibility, labels):
-        """Labels with -1 for the tracks that are more likely to be mismatches.
-
-        Parameters
-        ----------
-        points : ndarray of shape (n, 2, 2)
-        visibility : ndarray of bool, shape (n, 2)
-        labels : ndarray of int, shape (n,)
-
-        Returns
-        -------
-        ndarray of int, shape (n,)
-        """
-        seen, logarithms = self._log_probabilities(points, visibility)
-        mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
-        labels = labels.copy()
-        labels[np.flatnonzero(seen)[mismatched]] = -1
-        return labels
-
     def _log_probabilities(self, points, visibility):
-        """Which tracks are seen, (n,); log probabilities (M + 1, n_seen)."""
         seen, x, y = self.frames.observe(points, visibility)
         views = TwoViews(homogeneous(x), homogeneous(y), self.side)
         densities = self.found.with_mismatches(views)
@@ -114,7 +130,7 @@ class TwoViewExplanation:
 
 
 class TwoViewPartitions(NamedTuple):
-    """The best partitions of the tracks of two images.
+    """The best partitions of the tracks of two images, or of several, by pairs of two.
 
     Attributes
     ----------
@@ -127,7 +143,7 @@ class TwoViewPartitions(NamedTuple):
         Mismatches of the chosen partition.
     probabilities : ndarray of shape (n,)
         Of the labels in the chosen partition.
-    explanation : TwoViewExplanation
+    explanation : ByDensity
     """
 
     best: dict[int, tuple[Cost, np.ndarray]]
@@ -135,7 +151,7 @@ class TwoViewPartitions(NamedTuple):
     log_odds: dict[int, float]
     outliers: np.ndarray
     probabilities: np.ndarray
-    explanation: TwoViewExplanation
+    explanation: ByDensity
 
 
 def two_view_partitions(geometry, counts, rng):
@@ -154,7 +170,7 @@ def two_view_partitions(geometry, counts, rng):
     TwoViewPartitions or None
         None if there are too few tracks, or if what they tell is not of such numbers.
     """
-    search = search_two_views(geometry.x, geometry.y, counts, rng)
+    search = search_two_views(two_views(geometry.x, geometry.y), counts, rng)
     best = {} if search is None else _best_by_number_of_motions(search)
     open_counts = sorted(set(best) & set(counts.tolist()))
     if not open_counts:
@@ -176,11 +192,34 @@ def two_view_partitions(geometry, counts, rng):
     return TwoViewPartitions(
         {count: (costs[count], labels[count]) for count in open_counts},
         chosen,
-        _log_odds(best),
+        log_odds_of(best),
         found.labels == len(found.motions),
         np.maximum(found.shares_of_motions.max(axis=0), found.shares[-1]),
         explanation.reordered(order),
     )
+
+
+def parted_images(views, rng, sweeps):
+    """Labels of the tracks of two images, whose number of motions is open.
+
+    Parameters
+    ----------
+    views : TwoViews
+    rng : RandomState
+    sweeps : int
+        As for :func:`search_two_views`.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        -1 for mismatches, which all are where there are too few tracks.
+    """
+    search = search_two_views(views, np.arange(1, MOST_MOTIONS + 1), rng, sweeps)
+    best = {} if search is None else _best_by_number_of_motions(search)
+    if not best:
+        return np.full(len(views), -1)
+    found = min(best.values(), key=lambda surfaces: surfaces.cost)
+    return np.append(found.motion_of, -1)[found.labels]
 
 
 def _best_by_number_of_motions(search):
@@ -207,8 +246,19 @@ def _cost(found, geometry):
     return Cost(others, places, others + places)
 
 
-def _log_odds(best):
-    """Log odds of each number against the best of fewer motions."""
+def log_odds_of(best):
+    """Log odds of each number against the best of fewer motions.
+
+    Parameters
+    ----------
+    best : dict of int to Surfaces or Mixture
+        With a ``cost``, in nats, by the number of motions.
+
+    Returns
+    -------
+    dict of int to float
+        But of the least number.
+    """
     counts = sorted(best)
     return {
         count: (min(best[fewer].cost for fewer in counts[:position]) - best[count].cost)

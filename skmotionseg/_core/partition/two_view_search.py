@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.two_views import fit_two_view_motions, log_student, two_views
+from ..geometry.two_views import fit_two_view_motions, log_student
 from .two_view_energy import (
     Scene,
     Segmentation,
@@ -64,16 +64,17 @@ class TwoViewSearch(NamedTuple):
     best: dict[int, Segmentation]
 
 
-def search_two_views(x, y, counts, rng):
+def search_two_views(views, counts, rng, sweeps=SWEEPS):
     """Segmentations of least cost for numbers of motions.
 
     Parameters
     ----------
-    x, y : ndarray of shape (n, 2)
-        Places of the tracks in both images, in working units.
+    views : TwoViews
     counts : ndarray of int, shape (n_counts,)
         Numbers of motions that are open, ascending.
     rng : RandomState
+    sweeps : int
+        How often all changes are tried again, at most.
 
     Returns
     -------
@@ -81,9 +82,9 @@ def search_two_views(x, y, counts, rng):
         Not every number needs to be there. None if there are too few tracks, or no
         motion in them.
     """
-    if len(x) < FEWEST_TRACKS:
+    if len(views) < FEWEST_TRACKS:
         return None
-    search = _Search(two_view_scene(two_views(x, y), max(NEIGHBOURHOODS)), rng)
+    search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
     search.find_one_by_one(
         max(MOST_MOTIONS, int(counts[0]) + 1), int(counts[0]) if len(counts) > 1 else 0
     )
@@ -91,7 +92,7 @@ def search_two_views(x, y, counts, rng):
         return None
     for count in range(max(search.best), 1, -1):
         search.take_away(count)
-    for _ in range(SWEEPS):
+    for _ in range(sweeps):
         if not search.improve(counts):
             break
     return TwoViewSearch(search.scene, search.best)

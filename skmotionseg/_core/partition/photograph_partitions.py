@@ -1,0 +1,263 @@
+"""Partitions of the tracks of photographs: few images, far apart and in no order.
+
+Windows of frames that follow each other tell little of them. But the images of each
+pair are parted as two images are; groups of tracks that the pairs agree on are the
+motions to begin with, and are dropped and joined for as long as what they cost in all
+pairs falls.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..geometry.description_length import WorkingFrames, clip_geometry
+from ..geometry.tracks import covered, pairs_with_most_tracks
+from ..labels import canonical_labels
+from .cost import Cost
+from .motions import Motions
+from .pair_agreement import agreed_groups
+from .pair_mixture import (
+    Mixture,
+    PairMotions,
+    image_pairs,
+    log_evidence,
+    log_shares,
+    settled,
+)
+from .two_view_partitions import (
+    ByDensity,
+    TwoViewPartitions,
+    log_odds_of,
+    parted_images,
+)
+from .two_view_search import FEWEST_TRACKS
+
+# Photographs are images between which the usual track moves by this share of what
+# tracks cover, in which so many tracks come back after images that do not see them; in
+# more images, it is a video in which tracks are lost now and then. Of simulated and real
+# videos none has a tenth of such tracks, of photographs all have half, and nothing
+# moves by more than a thirtieth from one frame of a video to the next.
+FEWEST_MOVED, FEWEST_BACK, MOST_IMAGES = 0.04, 0.15, 30
+# Pairs that are parted, those with most tracks in common.
+MOST_PAIRS = 24
+# How often changes of the partition of a pair are tried again: not at all, as what one
+# pair has wrong, others have right.
+SWEEPS = 0
+# Agreements above which groups are merged, the next where fewer groups are left than
+# there must be.
+AGREEMENTS = (0.3, 0.5, 0.7, 0.9)
+# Rounds in which changes are compared, and those that cost least are settled.
+FIRST_ROUNDS, ROUNDS, N_SETTLED = 1, 12, 2
+# Numbers of motions that cost more than the next that are still looked at.
+MORE = 1
+
+
+def are_photographs(points, visibility):
+    """Whether images are far apart and in no order.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+
+    Returns
+    -------
+    bool
+    """
+    n_frames = visibility.shape[1]
+    if not 2 < n_frames <= MOST_IMAGES:
+        return False
+    both = visibility[:, 1:] & visibility[:, :-1]
+    steps = np.linalg.norm(np.diff(points, axis=1), axis=2)[both]
+    low, high = covered(points, visibility)
+    if len(steps) and np.median(steps) < FEWEST_MOVED * (high - low).max():
+        return False
+    n_seen = visibility.sum(axis=1)
+    last = n_frames - visibility[:, ::-1].argmax(axis=1)
+    back = (n_seen > 1) & (last - visibility.argmax(axis=1) > n_seen)
+    return bool(back.sum() >= FEWEST_BACK * max(np.count_nonzero(n_seen > 1), 1))
+
+
+@dataclass(frozen=True)
+class PhotographExplanation(ByDensity):
+    """The motions of photographs, which place and reject tracks by their densities.
+
+    Attributes
+    ----------
+    frames : WorkingFrames
+    sides : ndarray of shape (n_pairs,)
+        As of :class:`TwoViews`.
+    models : list of PairMotions
+        Of each pair.
+    log_shares : ndarray of shape (M + 1,)
+        Logarithms of the shares of the tracks; the last is that of mismatches.
+    """
+
+    frames: WorkingFrames
+    sides: np.ndarray
+    models: list
+    log_shares: np.ndarray
+
+    @property
+    def motion_of(self):
+        return np.arange(len(self.log_shares) - 1)
+
+    @property
+    def motions(self):
+        """The motions as fundamental matrices and noise, that of the usual pair."""
+        shape = len(self.motion_of), len(self.models)
+        fundamental, noise = np.zeros((*shape, 3, 3)), np.full(shape, np.nan)
+        for k, (told, motions) in enumerate(self.models):
+            if len(told):
+                fundamental[told, k], noise[told, k] = (
+                    motions.fundamental,
+                    motions.noise,
+                )
+        usual = np.nanmedian(noise)
+        unknown = np.isnan(noise).all(axis=1)
+        noise[unknown] = usual
+        return Motions(self.frames, fundamental, np.nanmedian(noise, axis=1))
+
+    def reordered(self, order):
+        """The same with the motions in another order."""
+        place = np.full(len(self.motion_of), -1)
+        place[order] = np.arange(len(order))
+        return replace(
+            self,
+            models=[_renamed(each, place) for each in self.models],
+            log_shares=self.log_shares[[*order, -1]],
+        )
+
+    def _log_probabilities(self, points, visibility):
+        pairs = image_pairs(self.frames, points, visibility, self.sides)
+        shape = len(self.log_shares), len(points)
+        evidence = log_evidence(pairs, self.models, shape)
+        seen = evidence.any(axis=0)
+        return seen, evidence[:, seen] + self.log_shares[:, None]
+
+
+def _renamed(model, place):
+    """The motions of a pair that have a place, by it."""
+    kept = np.flatnonzero(place[model.told] >= 0)
+    if not len(kept):
+        return PairMotions(kept, None)
+    return PairMotions(place[model.told[kept]], model.motions[kept])
+
+
+def photograph_partitions(points, visibility, counts, rng):
+    """Partition the tracks of photographs.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    counts : ndarray of int, shape (n_counts,)
+        Numbers of motions that are open, ascending.
+    rng : RandomState
+
+    Returns
+    -------
+    TwoViewPartitions or None
+        None if no pair sees enough tracks, or there are not so many motions in them.
+    """
+    chosen = pairs_with_most_tracks(visibility, FEWEST_TRACKS, MOST_PAIRS)
+    if not len(chosen):
+        return None
+    frames = replace(clip_geometry(points, visibility).frames, pairs=chosen)
+    pairs = image_pairs(frames, points, visibility)
+    begun = _begun(pairs, len(points), int(counts[0]), rng)
+    if begun is None:
+        return None
+    best = _with_fewer(pairs, begun, counts)
+    return _partitions(pairs, frames, best) if best else None
+
+
+def _begun(pairs, n_tracks, fewest, rng):
+    """The mixture of the groups that pairs agree on; None if there are too few."""
+    parted = [(pair.tracks, parted_images(pair.views, rng, SWEEPS)) for pair in pairs]
+    for least in AGREEMENTS:
+        labels = agreed_groups(n_tracks, parted, least)
+        n_motions = int(labels.max()) + 1
+        if n_motions >= max(fewest, 1):
+            rows = np.where(labels < 0, n_motions, labels)
+            shares = (rows == np.arange(n_motions + 1)[:, None]).astype(float)
+            return settled(pairs, shares, ROUNDS)
+    return None
+
+
+def _with_fewer(pairs, found, counts):
+    """Mixtures of open numbers of motions, by their number, and ever fewer.
+
+    Until the number is the least, or costs have risen.
+    """
+    best: dict[int, Mixture] = {}
+    rises, fewest, most = 0, int(counts[0]), int(counts[-1])
+    while True:
+        if found.n_motions <= most:
+            best[found.n_motions] = found
+        if found.n_motions <= fewest or (rises > MORE and found.n_motions <= most):
+            return best
+        fewer = _fewer(pairs, found)
+        rises += fewer.cost >= found.cost
+        found = fewer
+
+
+def _fewer(pairs, found):
+    """The mixture of least cost with one motion less: one is dropped, or two are one."""
+    tried = [settled(pairs, shares, FIRST_ROUNDS) for shares in _changed(found.shares)]
+    tried = sorted(tried, key=_cost_of)[:N_SETTLED]
+    return min((settled(pairs, each.shares, ROUNDS) for each in tried), key=_cost_of)
+
+
+def _changed(shares):
+    """Yield shares with those of one motion added to another's, or to mismatches."""
+    n_motions = len(shares) - 1
+    for motion in range(n_motions):
+        for other in (*range(motion), n_motions):
+            changed = shares.copy()
+            changed[other] += changed[motion]
+            yield np.delete(changed, motion, axis=0)
+
+
+def _cost_of(mixture):
+    return mixture.cost
+
+
+def _partitions(pairs, frames, best):
+    """What was found, as a search over partitions hands it on."""
+    labels = {
+        count: canonical_labels(best[count].shares[:-1].argmax(axis=0))
+        for count in sorted(best)
+    }
+    # Of one motion, tracks may lose their most probable one.
+    open_counts = [count for count in labels if labels[count].max() + 1 == count]
+    costs = {count: _cost(pairs, frames, best[count]) for count in open_counts}
+    if not open_counts:
+        return None
+    chosen = min(open_counts, key=lambda count: best[count].cost)
+    found = best[chosen]
+    order = [labels[chosen].tolist().index(label) for label in range(chosen)]
+    order = found.shares[:-1].argmax(axis=0)[order]
+    sides = np.array([pair.views.side for pair in pairs])
+    explanation = PhotographExplanation(
+        frames, sides, found.models, log_shares(found.shares)
+    )
+    return TwoViewPartitions(
+        {count: (costs[count], labels[count]) for count in open_counts},
+        chosen,
+        log_odds_of(best),
+        found.labels == found.n_motions,
+        found.shares.max(axis=0),
+        explanation.reordered(order),
+    )
+
+
+def _cost(pairs, frames, mixture):
+    """Cost per track; places are known to a square pixel."""
+    n = mixture.shares.shape[1]
+    n_places = sum(len(pair.tracks) for pair in pairs)
+    places = (mixture.data_cost + n_places * 2 * np.log(frames.scale)) / n
+    others = (mixture.cost - mixture.data_cost) / n
+    return Cost(others, places, others + places)

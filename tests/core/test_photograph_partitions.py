@@ -1,0 +1,156 @@
+"""Partitions of photographs: which those are, their motions, and who is placed where."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skmotionseg import MotionSegmenter, pack_tracks, unpack_tracks
+from skmotionseg._core.geometry.description_length import clip_geometry
+from skmotionseg._core.partition.pair_mixture import (
+    image_pairs,
+    log_evidence,
+    settled,
+)
+from skmotionseg._core.partition.photograph_partitions import (
+    are_photographs,
+    photograph_partitions,
+)
+from skmotionseg._core.partition.two_view_partitions import TEMPERATURE
+from skmotionseg.datasets import make_scene, scene_families
+from skmotionseg.metrics import misclassification_error
+
+
+def photographs(seed=4, **settings):
+    usual = {"n_tracks": 160, "n_frames": 5, "n_motions": 2, "outliers": 0.2}
+    return make_scene("photographs", random_state=seed, **(usual | settings))
+
+
+@pytest.fixture(scope="module")
+def found():
+    scene = photographs()
+    points, seen = unpack_tracks(scene.data)
+    rng = np.random.RandomState(0)
+    partitions = photograph_partitions(points, seen, np.arange(1, 6), rng)
+    return points, seen, scene.target, partitions
+
+
+@pytest.mark.parametrize("family", scene_families())
+def test_photographs_are_told_from_videos(family):
+    limits = {} if family in ("long", "two_images") else {"n_frames": (5, 12)}
+    for seed in range(3):
+        scene = make_scene(family, n_tracks=120, random_state=seed, **limits)
+        assert are_photographs(*unpack_tracks(scene.data)) == (family == "photographs")
+
+
+def test_videos_with_gaps_are_no_photographs():
+    rng = np.random.default_rng(0)
+    points, seen = unpack_tracks(
+        make_scene("street", n_tracks=100, n_frames=12, random_state=0).data
+    )
+    seen = seen & (rng.uniform(size=seen.shape) < 0.7)
+    assert not are_photographs(np.where(seen[..., None], points, np.nan), seen)
+    some = unpack_tracks(photographs().data)
+    assert are_photographs(*some)
+    many = [np.tile(each, (1, 7, *[1] * (each.ndim - 2))) for each in some]
+    assert not are_photographs(*many)
+    everything = np.ones_like(some[1])
+    assert not are_photographs(np.nan_to_num(some[0]), everything)
+
+
+def test_motions_and_mismatches_are_found(found):
+    _, _, true, partitions = found
+    assert partitions.chosen == 2
+    for count, (cost, labels) in partitions.best.items():
+        sizes = np.bincount(labels)
+        assert len(sizes) == count and (np.diff(sizes) <= 0).all()
+        assert_allclose(cost.cut + cost.length, cost.total)
+    labels = np.where(partitions.outliers, -1, partitions.best[2][1])
+    assert misclassification_error(true, labels) < 0.05
+    assert partitions.outliers[true < 0].mean() > 0.5
+    costs = {count: cost.total for count, (cost, _) in partitions.best.items()}
+    expected = len(true) * (costs[1] - costs[2]) / TEMPERATURE
+    assert_allclose(partitions.log_odds[2], expected)
+
+
+def test_tracks_are_placed_and_rejected_by_the_motions_in_their_order(found):
+    points, seen, _, partitions = found
+    explanation, labels = partitions.explanation, partitions.best[2][1]
+    nobody = np.full(len(labels), -1)
+    inside = ~partitions.outliers
+    placed = explanation.nearest(points, seen, nobody)
+    assert (placed == labels)[inside].mean() > 0.95
+    rejected = explanation.reject(points, seen, placed)
+    assert ((rejected < 0) == partitions.outliers).mean() > 0.95
+    turned = explanation.reordered([1, 0])
+    known = placed >= 0
+    assert_array_equal(turned.nearest(points, seen, nobody)[known], 1 - placed[known])
+    assert_array_equal(turned.motions.noise, explanation.motions.noise[::-1])
+    once = seen & (np.cumsum(seen, axis=1) == 1)
+    assert (explanation.nearest(points, once, nobody) == -1).all()
+    assert_array_equal(explanation.reject(points, once, labels), labels)
+    one = explanation.reordered([0])
+    assert set(one.nearest(points, seen, nobody)) <= {-1, 0}
+    assert len(one.motions.noise) == 1
+
+
+def test_numbers_may_be_given(found):
+    points, seen = found[:2]
+    rng = np.random.RandomState(0)
+    one = photograph_partitions(points, seen, np.array([1]), rng)
+    assert list(one.best) == [one.chosen] == [1]
+    assert photograph_partitions(points, seen, np.array([40]), rng) is None
+    assert photograph_partitions(points[:10], seen[:10], np.arange(1, 4), rng) is None
+
+
+def test_the_evidence_of_pairs_adds_up(found):
+    points, seen, true, partitions = found
+    frames = partitions.explanation.frames
+    shares = (np.where(true < 0, 2, true) == np.arange(3)[:, None]).astype(float)
+    pairs = image_pairs(frames, points, seen)
+    mixture = settled(pairs, shares, 4)
+    labels = np.where(mixture.labels == 2, -1, mixture.labels)
+    assert misclassification_error(true, labels) < 0.05
+    assert_allclose(mixture.shares.sum(axis=0), 1)
+    alone = [
+        log_evidence([pair], [model], shares.shape)
+        for pair, model in zip(pairs, mixture.models, strict=True)
+    ]
+    together = log_evidence(pairs, mixture.models, shares.shape)
+    assert_allclose(together, sum(alone))
+    assert (together[-1] == 0).all()
+    # Partitions of the wrong motions cost more.
+    wrong = shares[:, np.random.default_rng(0).permutation(len(true))]
+    assert settled(pairs, wrong, 4).cost > mixture.cost + 100
+
+
+def test_places_do_not_depend_on_other_tracks(found):
+    points, seen, _, partitions = found
+    frames = replace(clip_geometry(points, seen).frames, pairs=np.array([[0, 1]]))
+    (whole,) = image_pairs(frames, points, seen)
+    half = image_pairs(frames, points[::2], seen[::2], [whole.views.side])[0]
+    kept = np.isin(whole.tracks, 2 * half.tracks)
+    assert_array_equal(whole.views.x[kept], half.views.x)
+    assert half.views.side == whole.views.side
+    explanation, nobody = partitions.explanation, np.full(len(points), -1)
+    every = explanation.nearest(points, seen, nobody)
+    assert_array_equal(
+        explanation.nearest(points[:30], seen[:30], nobody[:30]), every[:30]
+    )
+
+
+@pytest.mark.parametrize("seed", [4, 16, 26])
+def test_the_default_parts_photographs(seed):
+    scene = photographs(seed)
+    segmenter = MotionSegmenter(random_state=0).fit(scene.data)
+    assert segmenter.n_motions_ == 2
+    assert misclassification_error(scene.target, segmenter.labels_) < 0.1
+    assert (segmenter.labels_[scene.target < 0] < 0).mean() > 0.4
+    points, seen = unpack_tracks(scene.data)
+    shifted = pack_tracks(points + 0.01, seen)
+    again = segmenter.predict(shifted)
+    inside = segmenter.labels_ >= 0
+    assert (again == segmenter.labels_)[inside].mean() > 0.9
