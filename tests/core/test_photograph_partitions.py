@@ -1,4 +1,4 @@
-"""Partitions of photographs: which those are, their motions, and who is placed where."""
+"""Partitions of photographs: which those are, their motions, and whom they place."""
 
 from __future__ import annotations
 

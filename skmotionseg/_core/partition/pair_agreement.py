@@ -46,7 +46,8 @@ def agreed_groups(n_tracks, parted, least=0.0):
     """
     labels = np.full(n_tracks, -1)
     some = _told_most(n_tracks, parted)
-    groups = _merged(*_votes(n_tracks, parted, some), least)
+    together, apart = _votes(n_tracks, parted, some)
+    groups = _merged(together, apart, least)
     groups = [group for group in groups if len(group) >= FEWEST_TRACKS]
     for label, group in enumerate(sorted(groups, key=len, reverse=True)):
         labels[some[group]] = label

@@ -35,10 +35,10 @@ from .two_view_partitions import (
 from .two_view_search import FEWEST_TRACKS
 
 # Photographs are images between which the usual track moves by this share of what
-# tracks cover, in which so many tracks come back after images that do not see them; in
-# more images, it is a video in which tracks are lost now and then. Of simulated and real
-# videos none has a tenth of such tracks, of photographs all have half, and nothing
-# moves by more than a thirtieth from one frame of a video to the next.
+# tracks cover, and in which so many tracks come back after images that do not see them;
+# in more images, it is a video in which tracks are lost now and then. In simulated and
+# real videos less than a tenth of the tracks come back, and the usual track moves by a
+# thirtieth at most from frame to frame; in photographs, half come back.
 FEWEST_MOVED, FEWEST_BACK, MOST_IMAGES = 0.04, 0.15, 30
 # Pairs that are parted, those with most tracks in common.
 MOST_PAIRS = 24
@@ -72,7 +72,7 @@ def are_photographs(points, visibility):
     both = visibility[:, 1:] & visibility[:, :-1]
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2)[both]
     low, high = covered(points, visibility)
-    if len(steps) and np.median(steps) < FEWEST_MOVED * (high - low).max():
+    if len(steps) and np.median(steps) < FEWEST_MOVED * float((high - low).max()):
         return False
     n_seen = visibility.sum(axis=1)
     last = n_frames - visibility[:, ::-1].argmax(axis=1)
@@ -101,13 +101,13 @@ class PhotographExplanation(ByDensity):
     log_shares: np.ndarray
 
     @property
-    def motion_of(self):
-        return np.arange(len(self.log_shares) - 1)
+    def n_motions(self):
+        return len(self.log_shares) - 1
 
     @property
     def motions(self):
         """The motions as fundamental matrices and noise, that of the usual pair."""
-        shape = len(self.motion_of), len(self.models)
+        shape = self.n_motions, len(self.models)
         fundamental, noise = np.zeros((*shape, 3, 3)), np.full(shape, np.nan)
         for k, (told, motions) in enumerate(self.models):
             if len(told):
@@ -115,14 +115,13 @@ class PhotographExplanation(ByDensity):
                     motions.fundamental,
                     motions.noise,
                 )
-        usual = np.nanmedian(noise)
-        unknown = np.isnan(noise).all(axis=1)
-        noise[unknown] = usual
+        # What no pair tells of is as noisy as the others.
+        noise[np.isnan(noise).all(axis=1)] = np.nanmedian(noise)
         return Motions(self.frames, fundamental, np.nanmedian(noise, axis=1))
 
     def reordered(self, order):
         """The same with the motions in another order."""
-        place = np.full(len(self.motion_of), -1)
+        place = np.full(self.n_motions, -1)
         place[order] = np.arange(len(order))
         return replace(
             self,
@@ -134,8 +133,9 @@ class PhotographExplanation(ByDensity):
         pairs = image_pairs(self.frames, points, visibility, self.sides)
         shape = len(self.log_shares), len(points)
         evidence = log_evidence(pairs, self.models, shape)
-        seen = evidence.any(axis=0)
-        return seen, evidence[:, seen] + self.log_shares[:, None]
+        known = evidence.any(axis=0)
+        logarithms = evidence[:, known] + self.log_shares[:, None]
+        return known, logarithms, np.arange(self.n_motions)
 
 
 def _renamed(model, place):
@@ -205,7 +205,7 @@ def _with_fewer(pairs, found, counts):
 
 
 def _fewer(pairs, found):
-    """The mixture of least cost with one motion less: one is dropped, or two are one."""
+    """The mixture of least cost with one motion dropped, or two made one."""
     tried = [settled(pairs, shares, FIRST_ROUNDS) for shares in _changed(found.shares)]
     tried = sorted(tried, key=_cost_of)[:N_SETTLED]
     return min((settled(pairs, each.shares, ROUNDS) for each in tried), key=_cost_of)

@@ -25,13 +25,7 @@ TEMPERATURE = 8.0
 
 
 class ByDensity:
-    """What places and rejects tracks by log densities of motions and of mismatches.
-
-    Those who inherit it have ``motion_of``, the label of each row of densities but the
-    last, and ``_log_probabilities``.
-    """
-
-    motion_of: np.ndarray
+    """What places and rejects tracks by log densities of motions and of mismatches."""
 
     def nearest(self, points, visibility, labels):
         """Labels of the most probable motions, where enough is known of the track.
@@ -46,9 +40,9 @@ class ByDensity:
         -------
         ndarray of int, shape (n,)
         """
-        seen, logarithms = self._log_probabilities(points, visibility)
+        known, logarithms, motion_of = self._log_probabilities(points, visibility)
         labels = labels.copy()
-        labels[seen] = self.motion_of[logarithms[:-1].argmax(axis=0)]
+        labels[known] = motion_of[logarithms[:-1].argmax(axis=0)]
         return labels
 
     def reject(self, points, visibility, labels):
@@ -64,16 +58,27 @@ class ByDensity:
         -------
         ndarray of int, shape (n,)
         """
-        seen, logarithms = self._log_probabilities(points, visibility)
+        known, logarithms, _ = self._log_probabilities(points, visibility)
         mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
         labels = labels.copy()
-        labels[np.flatnonzero(seen)[mismatched]] = -1
+        labels[np.flatnonzero(known)[mismatched]] = -1
         return labels
 
     def _log_probabilities(self, points, visibility):
-        """Tracks that something is known of, (n,); log probabilities (M + 1, n_known).
+        """Tracks that something is known of, and log probabilities of these.
 
-        The last row is of mismatches.
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+
+        Returns
+        -------
+        known : ndarray of bool, shape (n,)
+        logarithms : ndarray of shape (S + 1, n_known)
+            The last row is of mismatches.
+        motion_of : ndarray of int, shape (S,)
+            The motion of each other row.
         """
         raise NotImplementedError
 
@@ -126,7 +131,7 @@ class TwoViewExplanation(ByDensity):
         seen, x, y = self.frames.observe(points, visibility)
         views = TwoViews(homogeneous(x), homogeneous(y), self.side)
         densities = self.found.with_mismatches(views)
-        return seen[0], densities + self.log_shares[:, None]
+        return seen[0], densities + self.log_shares[:, None], self.motion_of
 
 
 class TwoViewPartitions(NamedTuple):
