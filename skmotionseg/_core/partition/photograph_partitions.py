@@ -72,7 +72,8 @@ def are_photographs(points, visibility):
     both = visibility[:, 1:] & visibility[:, :-1]
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2)[both]
     low, high = covered(points, visibility)
-    if len(steps) and np.median(steps) < FEWEST_MOVED * float((high - low).max()):
+    moved = np.median(steps) if len(steps) else np.inf
+    if moved < FEWEST_MOVED * (high - low).max():
         return False
     n_seen = visibility.sum(axis=1)
     last = n_frames - visibility[:, ::-1].argmax(axis=1)
