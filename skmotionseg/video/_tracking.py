@@ -22,7 +22,8 @@ from ._grid import (
     seed_points,
     stands_out,
 )
-from ._looks import WINDOW, Looks
+from ._looks import NOISE_OF_GREY, WINDOW, Looks
+from ._pixels import nearest_pixels
 
 # Where flow changes by more, in pixels per pixel, one thing covers another, and tracks
 # of the covered one would go on with the other. Sundaram et al. let the limit grow with
@@ -119,7 +120,8 @@ def track_video(
     ends, too, where it has left points that were around it four to eight frames before,
     and what is around it no longer looks as it did: the outline of a thing takes points
     of what is behind along. Its last eight frames are then left out. If fewer than a
-    quarter of the tracks can go on, the picture has been cut, and all end.
+    quarter of the tracks can go on, and the grey value is as it was at fewer than a
+    quarter of them, the picture has been cut, and all end.
 
     Frames are read one at a time and no more than three are held; memory grows with
     the tracks alone.
@@ -340,8 +342,9 @@ class PointTracker:
         picture, scale = _shrunk_grey(frame, self._max_side)
         points, ids = self._points, self._ids
         if self._previous is not None:
-            points, followed = self._flow.follow(self._previous, picture, points)
-            if followed.sum() < FEWEST_GO_ON * len(ids):  # after a cut
+            before = points
+            points, followed = self._flow.follow(self._previous, picture, before)
+            if _is_cut(self._previous, picture, before, followed):
                 points, followed = points[:0], np.zeros_like(followed)
             same = self._looks.follow(picture, points, followed)
             self.slid = ids[followed][~same]
@@ -351,6 +354,21 @@ class PointTracker:
         self._points, self._ids, self._previous = points, ids, picture
         # Pixels have their centre at 0.
         return TrackedFrame(frame, (points + 0.5) / scale - 0.5, ids)
+
+
+def _is_cut(first, second, points, followed):
+    """Whether the second picture is of another shot.
+
+    Few points of the first go on, and few are where the grey value is as it was. Where
+    a man walks by close before the camera, in a film of BMS-26, no more go on, but the
+    lower quartile of how the grey values at points change is 1 to 3; between shots of
+    its films it is 14 to 31.
+    """
+    if followed.sum() >= FEWEST_GO_ON * len(points):
+        return False
+    pixels = nearest_pixels(points, first.shape)
+    change = first[pixels].astype(float) - second[pixels]
+    return (abs(change) < NOISE_OF_GREY).sum() < FEWEST_GO_ON * len(points)
 
 
 def _shrunk_grey(frame, max_side):

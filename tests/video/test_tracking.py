@@ -189,6 +189,20 @@ def test_all_tracks_end_at_a_cut(panned):
     assert min(before.sum(), after.sum()) > 300
 
 
+def test_what_passes_close_before_the_camera_is_no_cut(panned):
+    """A dark coat that no point can be followed on; what it does not hide goes on."""
+    hidden, frames = [0.0, 0.0, 0.6, *[0.9] * (N_FRAMES - 3)], []
+    for f, share in enumerate(hidden):
+        frame, width = panned[0].copy(), int(share * WIDTH)
+        coat = 40 + (texture(20 + f)[:HEIGHT, :width] - 128) / 12
+        frame[:, :width] = coat
+        frames.append(frame)
+    points, seen = unpack_tracks(track_video(frames).tracks)
+    beside = points[:, 0, 0] > 0.92 * WIDTH
+    assert beside.sum() > 20
+    assert seen[beside].all(axis=1).mean() > 0.8
+
+
 def test_empty_places_get_new_tracks(crossed):
     points, seen = unpack_tracks(track_video(crossed).tracks)
     origin = points[:, -1] - (N_FRAMES - 1) * PAN
