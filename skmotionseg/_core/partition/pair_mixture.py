@@ -29,7 +29,7 @@ ANYWHERE = 0.5
 # Tracks of a motion that a pair must see to say something of it: one more than
 # determine the geometry of an affine camera. With the eight that determine a
 # fundamental matrix, tracks of small motions stay where they are in the pairs that see
-# fewer: in simulated photographs, the number of motions is right in 86 % instead of all.
+# fewer: in simulated photographs, the number is right in 86 % instead of all.
 FEWEST_TOLD = 5
 # Steps by which motions are fitted anew, and then from those before.
 FIRST_FITS = 3

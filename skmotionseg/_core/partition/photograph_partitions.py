@@ -71,9 +71,8 @@ def are_photographs(points, visibility):
         return False
     both = visibility[:, 1:] & visibility[:, :-1]
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2)[both]
-    low, high = covered(points, visibility)
-    moved = np.median(steps) if len(steps) else np.inf
-    if moved < FEWEST_MOVED * (high - low).max():
+    size = float(np.subtract(*covered(points, visibility)[::-1]).max())
+    if len(steps) and float(np.median(steps)) < FEWEST_MOVED * size:
         return False
     n_seen = visibility.sum(axis=1)
     last = n_frames - visibility[:, ::-1].argmax(axis=1)
