@@ -71,13 +71,13 @@ def are_photographs(points, visibility):
         return False
     both = visibility[:, 1:] & visibility[:, :-1]
     steps = np.linalg.norm(np.diff(points, axis=1), axis=2)[both]
-    size = float(np.subtract(*covered(points, visibility)[::-1]).max())
-    if len(steps) and float(np.median(steps)) < FEWEST_MOVED * size:
+    low, high = covered(points, visibility)
+    if len(steps) and np.median(steps) < FEWEST_MOVED * (high - low).max():
         return False
-    n_seen = visibility.sum(axis=1)
-    last = n_frames - visibility[:, ::-1].argmax(axis=1)
-    back = (n_seen > 1) & (last - visibility.argmax(axis=1) > n_seen)
-    return bool(back.sum() >= FEWEST_BACK * max(np.count_nonzero(n_seen > 1), 1))
+    some = visibility[visibility.sum(axis=1) > 1]
+    life = n_frames - some.argmax(axis=1) - some[:, ::-1].argmax(axis=1)
+    back = np.count_nonzero(life > some.sum(axis=1))
+    return len(some) > 0 and back >= FEWEST_BACK * len(some)
 
 
 @dataclass(frozen=True)
