@@ -152,8 +152,8 @@ estimator, default="description_length"
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted robustly. Their inliers have residuals within six standard deviations of
         the noise of the motion, which is at least a fifth of a pixel in an image of
-        640 x 480. Between two images, a track is an outlier if it is less likely to
-        follow any motion than to be a mismatch.
+        640 x 480. Between two images, and in unordered photographs, a track is an
+        outlier if it is less likely to follow any motion than to be a mismatch.
     focal_length : float or None, default=None
         Focal length of the camera in pixels, for rigid motions over windows of frames;
         the principal point is assumed to be the centre of the area that the tracks
@@ -246,8 +246,8 @@ estimator, default="description_length"
         reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
         For each number, the log odds that the two most similar motions of its partition
-        are two and not one; between two images, that there are so many motions and not
-        fewer. NaN where they are not computed: for the fewest motions, for a given
+        are two and not one; between two images, and in unordered photographs, that there
+        are so many motions and not fewer. NaN where they are not computed: for the fewest motions, for a given
         number, and where partitions are compared by fundamental matrices of frame pairs
         (fewer than 12 tracks, or tracks seen in fewer than three frames of a window;
         in two images, fewer than 16 tracks).

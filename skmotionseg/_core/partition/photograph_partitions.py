@@ -40,8 +40,9 @@ from .two_view_search import FEWEST_TRACKS
 # real videos less than a tenth of the tracks come back, and the usual track moves by a
 # thirtieth at most from frame to frame; in photographs, half come back.
 FEWEST_MOVED, FEWEST_BACK, MOST_IMAGES = 0.04, 0.15, 30
-# Pairs that are parted, those with most tracks in common.
-MOST_PAIRS = 24
+# Pairs that are looked at, and those that are parted: the ones with most tracks in
+# common. More than are parted, as some tracks of twelve images are in none of these.
+MOST_PAIRS, MOST_PARTED = 100, 24
 # How often changes of the partition of a pair are tried again: not at all, as what one
 # pair has wrong, others have right.
 SWEEPS = 0
