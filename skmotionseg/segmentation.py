@@ -246,11 +246,11 @@ estimator, default="description_length"
         reason; otherwise -1.
     log_odds_ : ndarray of shape (n_counts,)
         For each number, the log odds that the two most similar motions of its partition
-        are two and not one; between two images, and in unordered photographs, that there
-        are so many motions and not fewer. NaN where they are not computed: for the fewest motions, for a given
-        number, and where partitions are compared by fundamental matrices of frame pairs
-        (fewer than 12 tracks, or tracks seen in fewer than three frames of a window;
-        in two images, fewer than 16 tracks).
+        are two and not one; between two images, and in unordered photographs, that
+        there are so many motions and not fewer. NaN where they are not computed: for
+        the fewest motions, for a given number, and where partitions are compared by
+        fundamental matrices of frame pairs (fewer than 12 tracks, or tracks seen in
+        fewer than three frames of a window; in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)
         Probability of each number of motions, from ``log_odds_``; they sum to 1. NaN
         where frame pairs are used. ``n_motions_`` is their median, for which that many
