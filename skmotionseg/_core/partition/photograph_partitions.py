@@ -181,7 +181,8 @@ def photograph_partitions(points, visibility, counts, rng):
 
 def _begun(pairs, n_tracks, fewest, rng):
     """The mixture of the groups that pairs agree on; None if there are too few."""
-    parted = [(pair.tracks, parted_images(pair.views, rng, SWEEPS)) for pair in pairs]
+    some = sorted(pairs, key=lambda pair: -len(pair.tracks))[:MOST_PARTED]
+    parted = [(pair.tracks, parted_images(pair.views, rng, SWEEPS)) for pair in some]
     for least in AGREEMENTS:
         labels = agreed_groups(n_tracks, parted, least)
         n_motions = int(labels.max()) + 1
