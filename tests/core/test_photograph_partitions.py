@@ -142,15 +142,17 @@ def test_places_do_not_depend_on_other_tracks(found):
     )
 
 
-@pytest.mark.parametrize("seed", [4, 16, 26])
-def test_the_default_parts_photographs(seed):
-    scene = photographs(seed)
-    segmenter = MotionSegmenter(random_state=0).fit(scene.data)
-    assert segmenter.n_motions_ == 2
-    assert misclassification_error(scene.target, segmenter.labels_) < 0.1
-    assert (segmenter.labels_[scene.target < 0] < 0).mean() > 0.4
+def test_the_default_parts_photographs():
+    errors, rejected = [], []
+    for seed in (4, 16, 26):
+        scene = photographs(seed)
+        segmenter = MotionSegmenter(random_state=0).fit(scene.data)
+        assert segmenter.n_motions_ == 2
+        errors.append(misclassification_error(scene.target, segmenter.labels_))
+        rejected.append((segmenter.labels_[scene.target < 0] < 0).mean())
+    assert np.mean(errors) < 0.08
+    assert np.mean(rejected) > 0.5
     points, seen = unpack_tracks(scene.data)
-    shifted = pack_tracks(points + 0.01, seen)
-    again = segmenter.predict(shifted)
+    again = segmenter.predict(pack_tracks(points + 0.01, seen))
     inside = segmenter.labels_ >= 0
     assert (again == segmenter.labels_)[inside].mean() > 0.9
