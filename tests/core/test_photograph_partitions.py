@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import MotionSegmenter, pack_tracks, unpack_tracks
-from skmotionseg._core.geometry.description_length import clip_geometry
-from skmotionseg._core.partition.pair_mixture import (
-    image_pairs,
-    log_evidence,
-    settled,
-)
 from skmotionseg._core.partition.photograph_partitions import (
     are_photographs,
     photograph_partitions,
@@ -107,35 +99,8 @@ def test_numbers_may_be_given(found):
     assert photograph_partitions(points[:10], seen[:10], np.arange(1, 4), rng) is None
 
 
-def test_the_evidence_of_pairs_adds_up(found):
-    points, seen, true, partitions = found
-    frames = partitions.explanation.frames
-    shares = (np.where(true < 0, 2, true) == np.arange(3)[:, None]).astype(float)
-    pairs = image_pairs(frames, points, seen)
-    mixture = settled(pairs, shares, 4)
-    labels = np.where(mixture.labels == 2, -1, mixture.labels)
-    assert misclassification_error(true, labels) < 0.05
-    assert_allclose(mixture.shares.sum(axis=0), 1)
-    alone = [
-        log_evidence([pair], [model], shares.shape)
-        for pair, model in zip(pairs, mixture.models, strict=True)
-    ]
-    together = log_evidence(pairs, mixture.models, shares.shape)
-    assert_allclose(together, sum(alone))
-    assert (together[-1] == 0).all()
-    # Partitions of the wrong motions cost more.
-    wrong = shares[:, np.random.default_rng(0).permutation(len(true))]
-    assert settled(pairs, wrong, 4).cost > mixture.cost + 100
-
-
-def test_places_do_not_depend_on_other_tracks(found):
+def test_a_track_is_placed_whatever_others_there_are(found):
     points, seen, _, partitions = found
-    frames = replace(clip_geometry(points, seen).frames, pairs=np.array([[0, 1]]))
-    (whole,) = image_pairs(frames, points, seen)
-    half = image_pairs(frames, points[::2], seen[::2], [whole.views.side])[0]
-    kept = np.isin(whole.tracks, 2 * half.tracks)
-    assert_array_equal(whole.views.x[kept], half.views.x)
-    assert half.views.side == whole.views.side
     explanation, nobody = partitions.explanation, np.full(len(points), -1)
     every = explanation.nearest(points, seen, nobody)
     assert_array_equal(

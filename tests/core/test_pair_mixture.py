@@ -1,0 +1,60 @@
+"""Motions that are the same in all pairs of images, and what they cost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from skmotionseg import unpack_tracks
+from skmotionseg._core.geometry.description_length import clip_geometry
+from skmotionseg._core.geometry.tracks import pairs_with_most_tracks
+from skmotionseg._core.partition.pair_mixture import (
+    image_pairs,
+    log_evidence,
+    settled,
+)
+from skmotionseg.datasets import make_scene
+from skmotionseg.metrics import misclassification_error
+
+
+@pytest.fixture(scope="module")
+def photographs():
+    settings = {"n_tracks": 160, "n_frames": 5, "n_motions": 2, "outliers": 0.2}
+    scene = make_scene("photographs", random_state=4, **settings)
+    points, seen = unpack_tracks(scene.data)
+    chosen = pairs_with_most_tracks(seen, 16, 10)
+    frames = replace(clip_geometry(points, seen).frames, pairs=chosen)
+    return points, seen, scene.target, frames
+
+
+def test_the_evidence_of_pairs_adds_up(photographs):
+    points, seen, true, frames = photographs
+    shares = (np.where(true < 0, 2, true) == np.arange(3)[:, None]).astype(float)
+    pairs = image_pairs(frames, points, seen)
+    mixture = settled(pairs, shares, 4)
+    labels = np.where(mixture.labels == 2, -1, mixture.labels)
+    assert misclassification_error(true, labels) < 0.05
+    assert_allclose(mixture.shares.sum(axis=0), 1)
+    alone = [
+        log_evidence([pair], [model], shares.shape)
+        for pair, model in zip(pairs, mixture.models, strict=True)
+    ]
+    together = log_evidence(pairs, mixture.models, shares.shape)
+    assert_allclose(together, sum(alone))
+    assert (together[-1] == 0).all()
+    # Partitions of the wrong motions cost more.
+    wrong = shares[:, np.random.default_rng(0).permutation(len(true))]
+    assert settled(pairs, wrong, 4).cost > mixture.cost + 100
+
+
+def test_places_do_not_depend_on_other_tracks(photographs):
+    points, seen, _, frames = photographs
+    frames = replace(frames, pairs=np.array([[0, 1]]))
+    (whole,) = image_pairs(frames, points, seen)
+    half = image_pairs(frames, points[::2], seen[::2], [whole.views.side])[0]
+    kept = np.isin(whole.tracks, 2 * half.tracks)
+    assert_array_equal(whole.views.x[kept], half.views.x)
+    assert half.views.side == whole.views.side
