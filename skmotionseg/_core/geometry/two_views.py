@@ -318,9 +318,9 @@ def fit_common_geometry(views, shares, before, rounds):
         perspective camera, whichever cost less.
     """
     everywhere = np.full(len(shares), before.noise.max())
-    begin = replace(
-        before, fundamental=_affine_geometries(views, _pooled(shares)), noise=everywhere
-    )
+    geometry = _affine_geometries(views, _pooled(shares))
+    geometry = np.broadcast_to(geometry, before.fundamental.shape)
+    begin = replace(before, fundamental=geometry, noise=everywhere)
     found = []
     for fit, n_unknowns in GEOMETRIES:
         motions = begin
@@ -357,8 +357,8 @@ def _each(rows):
 
 
 def _pooled(rows):
-    """The sum of rows (M, n), for each of them."""
-    return np.broadcast_to(rows.sum(axis=0), rows.shape)
+    """The sum of rows (M, n), as one row: of motions that are one."""
+    return rows.sum(axis=0, keepdims=True)
 
 
 def _step(views, shares, before, fit, n_unknowns, common_noise, pool=_each):
@@ -366,13 +366,17 @@ def _step(views, shares, before, fit, n_unknowns, common_noise, pool=_each):
     across, along, gradient = squared_distances(
         before.fundamental, before.affine, views
     )
-    weights = shares * _weights(across, before.noise)
-    fundamental = fit(views, pool(weights), gradient)
+    weights = pool(shares * _weights(across, before.noise))
+    # One geometry is fitted once: rows of a product of matrices that should be equal
+    # need not be, to the last bit, on every processor.
+    fundamental = fit(views, weights, gradient[: len(weights)])
+    fundamental = np.broadcast_to(fundamental, before.fundamental.shape)
     affine = _maps(views, shares * _weights(along, before.parallax))
     across, along, _ = squared_distances(fundamental, affine, views)
     weights = shares * _weights(across, before.noise)
     squares = pool(weights * across)
     noise = _noise(views, pool(shares), squares, n_unknowns, common_noise)
+    noise = np.broadcast_to(noise, len(shares))
     along = _weights(along, before.parallax) * along
     parallax = np.maximum(_parallax(views, shares, along), noise)
     kinds = np.full(len(shares), n_unknowns)
