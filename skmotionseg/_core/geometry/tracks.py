@@ -331,12 +331,10 @@ def covisible_pairs(visibility, usual):
     if reached.mean() >= ENOUGH_REACHED:
         return _with_more(usual, joinable, ~reached)
     common = _n_common(joinable)
-    pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
-    order = np.argsort(-common[tuple(pairs.T)], kind="stable")[:MOST_COVISIBLE]
     np.fill_diagonal(common, -1)
     nearest = np.column_stack([np.arange(len(common)), common.argmax(axis=1)])
-    chosen = np.concatenate([pairs[order], np.sort(nearest, axis=1)])
-    chosen = np.unique(chosen, axis=0)
+    pairs = pairs_with_most_tracks(joinable, 1, MOST_COVISIBLE)
+    chosen = np.unique(np.concatenate([pairs, np.sort(nearest, axis=1)]), axis=0)
     chosen = chosen[common[tuple(chosen.T)] > 0]
     missed = ~_reached(joinable, chosen)
     return np.unique(_with_more(chosen, joinable, missed, MOST_COVISIBLE), axis=0)

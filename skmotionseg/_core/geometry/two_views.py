@@ -98,22 +98,30 @@ def _products(rows):
     return (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
 
 
-def two_views(x, y):
+def two_views(x, y, side=None):
     """Put correspondences into one system.
 
     Parameters
     ----------
     x, y : ndarray of shape (n, 2)
         In working units.
+    side : float, optional
+        Of the tracks that motions were fitted to, where these are others.
 
     Returns
     -------
     TwoViews
     """
+    side = _side_of(x, y) if side is None else side
+    return TwoViews(homogeneous(x), homogeneous(y), side)
+
+
+def _side_of(x, y):
+    """Side of a square as large as what correspondences cover."""
     extents = np.concatenate([np.ptp(x, axis=0), np.ptp(y, axis=0)])
     # A still camera's single row of points has no area.
     extents = np.maximum(extents, max(1e-3 * extents.max(), 1e-9))
-    return TwoViews(homogeneous(x), homogeneous(y), float(np.prod(extents) ** 0.25))
+    return float(np.prod(extents) ** 0.25)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ MOST_MERGED = 600
 FEWEST_TRACKS = 5
 # Votes that convince: of groups with fewer between them, little is known.
 VOTES = 2.0
-# Of what was merged into another.
+# Agreement of a group with itself, and of what was merged into another.
 GONE = -2.0
 
 
@@ -97,7 +97,7 @@ def _merged(together, apart, least):
             votes[i, i] = 0
         groups[i], groups[j] = groups[i] + groups[j], []
         row = _agreement(together[i], apart[i])
-        row[[k for k, group in enumerate(groups) if not group or k == i]] = GONE
+        row[agreement[i] == GONE] = GONE
         agreement[i] = agreement[:, i] = row
         agreement[j] = agreement[:, j] = GONE
     return [group for group in groups if group]

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.motion_models import homogeneous
 from ..geometry.two_views import (
     TwoViewMotions,
     TwoViews,
@@ -22,7 +21,12 @@ from ..geometry.two_views import (
     squared_distances,
     two_views,
 )
-from .two_view_energy import NATS_OF_MOTION
+from .two_view_energy import (
+    NATS_OF_MOTION,
+    log_shares,
+    nats_of_labels,
+    normalized,
+)
 
 # Share of the tracks of a motion that may be anywhere on their epipolar line.
 ANYWHERE = 0.5
@@ -31,7 +35,7 @@ ANYWHERE = 0.5
 # fundamental matrix, tracks of small motions stay where they are in the pairs that see
 # fewer: in simulated photographs, the number is right in 86 % instead of all.
 FEWEST_TOLD = 5
-# Steps by which motions are fitted anew, and then from those before.
+# Steps in which motions are fitted where there are none to begin with.
 FIRST_FITS = 3
 
 
@@ -74,6 +78,11 @@ class Mixture(NamedTuple):
     def n_motions(self):
         return len(self.shares) - 1
 
+    @property
+    def shares_of_motions(self):
+        """Probabilities (M, n) of the motions."""
+        return self.shares[:-1]
+
 
 def image_pairs(frames, points, visibility, sides=None):
     """The tracks in each pair of images.
@@ -93,15 +102,11 @@ def image_pairs(frames, points, visibility, sides=None):
     seen, *both = frames.observe(points, visibility)
     ends = np.cumsum(seen.sum(axis=1))[:-1]
     places = zip(*(np.split(each, ends) for each in both), strict=True)
-    if sides is None:
-        views = [two_views(x, y) for x, y in places]
-    else:
-        views = [
-            TwoViews(homogeneous(x), homogeneous(y), side)
-            for (x, y), side in zip(places, sides, strict=True)
-        ]
-    tracks = [np.flatnonzero(each) for each in seen]
-    return list(map(ImagePair, tracks, views))
+    sides = [None] * len(seen) if sides is None else sides
+    return [
+        ImagePair(np.flatnonzero(there), two_views(x, y, side))
+        for there, (x, y), side in zip(seen, places, sides, strict=True)
+    ]
 
 
 def settled(pairs, shares, rounds):
@@ -125,7 +130,7 @@ def settled(pairs, shares, rounds):
             for pair, before in zip(pairs, models, strict=True)
         ]
         evidence = log_evidence(pairs, models, shares.shape)
-        shares = assigned(evidence, log_shares(shares))
+        shares = normalized(evidence + log_shares(shares)[:, None])
     return _judged(pairs, models, shares, evidence)
 
 
@@ -174,30 +179,16 @@ def _log_densities(views, motions):
     return log_student(across, motions.noise) + np.logaddexp(near, anywhere)
 
 
-def log_shares(shares):
-    """Logarithms (M + 1,) of the shares that motions have in all tracks."""
-    totals = shares.sum(axis=1) + 1
-    return np.log(totals / totals.sum())
-
-
-def assigned(evidence, logarithms):
-    """Probabilities (M + 1, n) of the motions, given their shares in all tracks."""
-    logarithms = evidence + logarithms[:, None]
-    shares = np.exp(logarithms - logarithms.max(axis=0))
-    return shares / shares.sum(axis=0)
-
-
 def _judged(pairs, models, shares, evidence):
     """The mixture with its most probable labels and its cost."""
-    n_labels, n = shares.shape
-    labels = np.where(evidence.any(axis=0), shares.argmax(axis=0), n_labels - 1)
-    counts = np.bincount(labels, minlength=n_labels)
-    names = -(counts * np.log((counts + 1) / (n + n_labels))).sum()
-    unknowns = NATS_OF_MOTION * (n_labels - 1)
+    n_motions = len(shares) - 1
+    labels = np.where(evidence.any(axis=0), shares.argmax(axis=0), n_motions)
+    names = nats_of_labels(labels, len(shares))
+    unknowns = NATS_OF_MOTION * n_motions
     anywhere = 0.0
     for pair, (told, motions) in zip(pairs, models, strict=True):
         anywhere -= len(pair.tracks) * pair.views.log_density_of_mismatches
         if len(told):
             unknowns += motions.costs_of_geometry(pair.views).sum()
-    data = anywhere - evidence[labels, np.arange(n)].sum()
+    data = anywhere - evidence[labels, np.arange(len(labels))].sum()
     return Mixture(float(data + names + unknowns), float(data), models, shares, labels)

@@ -12,10 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..geometry.description_length import WorkingFrames, clip_geometry
-from ..geometry.tracks import covered, pairs_with_most_tracks
-from ..labels import canonical_labels
-from .cost import Cost
+from ..geometry.description_length import WorkingFrames
+from ..geometry.tracks import covered, pairs_with_most_tracks, working_coordinates
 from .motions import Motions
 from .pair_agreement import agreed_groups
 from .pair_mixture import (
@@ -23,15 +21,10 @@ from .pair_mixture import (
     PairMotions,
     image_pairs,
     log_evidence,
-    log_shares,
     settled,
 )
-from .two_view_partitions import (
-    ByDensity,
-    TwoViewPartitions,
-    log_odds_of,
-    parted_images,
-)
+from .two_view_energy import log_shares
+from .two_view_partitions import ByDensity, parted_images, partitions_of
 from .two_view_search import FEWEST_TRACKS
 
 # Photographs are images between which the usual track moves by this share of what
@@ -170,13 +163,20 @@ def photograph_partitions(points, visibility, counts, rng):
     chosen = pairs_with_most_tracks(visibility, FEWEST_TRACKS, MOST_PAIRS)
     if not len(chosen):
         return None
-    frames = replace(clip_geometry(points, visibility).frames, pairs=chosen)
+    frames = WorkingFrames(chosen, *working_coordinates(points, visibility))
     pairs = image_pairs(frames, points, visibility)
     begun = _begun(pairs, len(points), int(counts[0]), rng)
     if begun is None:
         return None
+    sides = np.array([pair.views.side for pair in pairs])
+
+    def explain(found):
+        shares = log_shares(found.shares)
+        return PhotographExplanation(frames, sides, found.models, shares)
+
+    n_places = sum(len(pair.tracks) for pair in pairs)
     best = _with_fewer(pairs, begun, counts)
-    return _partitions(pairs, frames, best) if best else None
+    return partitions_of(best, counts, n_places, frames.scale, explain)
 
 
 def _begun(pairs, n_tracks, fewest, rng):
@@ -253,41 +253,3 @@ def _changed(shares):
 
 def _cost_of(mixture):
     return mixture.cost
-
-
-def _partitions(pairs, frames, best):
-    """What was found, as a search over partitions hands it on."""
-    labels = {
-        count: canonical_labels(best[count].shares[:-1].argmax(axis=0))
-        for count in sorted(best)
-    }
-    # Of one motion, tracks may lose their most probable one.
-    open_counts = [count for count in labels if labels[count].max() + 1 == count]
-    costs = {count: _cost(pairs, frames, best[count]) for count in open_counts}
-    if not open_counts:
-        return None
-    chosen = min(open_counts, key=lambda count: best[count].cost)
-    found = best[chosen]
-    order = [labels[chosen].tolist().index(label) for label in range(chosen)]
-    order = found.shares[:-1].argmax(axis=0)[order]
-    sides = np.array([pair.views.side for pair in pairs])
-    explanation = PhotographExplanation(
-        frames, sides, found.models, log_shares(found.shares)
-    )
-    return TwoViewPartitions(
-        {count: (costs[count], labels[count]) for count in open_counts},
-        chosen,
-        log_odds_of(best),
-        found.labels == found.n_motions,
-        found.shares.max(axis=0),
-        explanation.reordered(order),
-    )
-
-
-def _cost(pairs, frames, mixture):
-    """Cost per track; places are known to a square pixel."""
-    n = mixture.shares.shape[1]
-    n_places = sum(len(pair.tracks) for pair in pairs)
-    places = (mixture.data_cost + n_places * 2 * np.log(frames.scale)) / n
-    others = (mixture.cost - mixture.data_cost) / n
-    return Cost(others, places, others + places)

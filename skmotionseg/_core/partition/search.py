@@ -24,7 +24,7 @@ from .rigid_partitions import rigid_partitions
 from .rigid_search import NATS_OF_LINKS, RigidSearch
 from .two_view_partitions import (
     TWO_VIEW_COST_NAMES,
-    TwoViewExplanation,
+    ByDensity,
     two_view_partitions,
 )
 
@@ -67,7 +67,7 @@ class PartitionSearch:
     shares : ndarray of shape (n,)
         Of each track's affinity, what is to others of its motion in the chosen one.
         Between two images, the probability that it has the label.
-    explanation : Explanation, TwoViewExplanation or None
+    explanation : Explanation, ByDensity or None
         Of the chosen partition, if outliers are to be rejected.
     gainless : ndarray of int, shape (n_counts, 2), optional
         Two motions that gain too little from being apart, for each count that was
@@ -94,7 +94,7 @@ class PartitionSearch:
     labels: np.ndarray
     best: int
     shares: np.ndarray
-    explanation: Explanation | TwoViewExplanation | None = None
+    explanation: Explanation | ByDensity | None = None
     gainless: np.ndarray | None = None
     log_odds: np.ndarray | None = None
     cost_names: tuple[str, str] = COST_NAMES

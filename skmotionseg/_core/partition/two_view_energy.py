@@ -124,19 +124,31 @@ def assign(scene, motions, shares=None):
     shares, log_densities : ndarray of shape (M + 1, n)
         The last row is of mismatches.
     """
-    n, n_motions = len(scene.views), len(motions)
+    n_motions = len(motions)
     densities = motions.with_mismatches(scene.views)
     if shares is None:
         first = np.append(np.full(n_motions, 0.5 / n_motions), 0.5)
-        shares = _normalized(densities + np.log(first)[:, None])
+        shares = normalized(densities + np.log(first)[:, None])
     for _ in range(ROUNDS_OF_LABELS):
-        common = (shares.sum(axis=1) + 1) / (n + n_motions + 1)
         near = NATS_OF_NEIGHBOURS * (scene.links @ shares.T).T
-        shares = _normalized(densities + np.log(common)[:, None] + near)
+        shares = normalized(densities + log_shares(shares)[:, None] + near)
     return shares, densities
 
 
-def _normalized(logarithms):
+def log_shares(shares):
+    """Logarithms (M + 1,) of the shares that motions have in all tracks.
+
+    Parameters
+    ----------
+    shares : ndarray of shape (M + 1, n)
+        Probabilities of the motions, the last row that of a mismatch. As if each had
+        one track more.
+    """
+    return np.log((shares.sum(axis=1) + 1) / sum(shares.shape))
+
+
+def normalized(logarithms):
+    """Probabilities (M + 1, n) from logarithms that lack a constant per track."""
     shares = np.exp(logarithms - logarithms.max(axis=0))
     return shares / shares.sum(axis=0)
 
@@ -154,17 +166,22 @@ def judged(scene, motions, shares, densities):
     -------
     Segmentation
     """
-    n, n_labels = shares.shape[1], len(shares)
+    n = shares.shape[1]
     labels = shares.argmax(axis=0)
     data = -densities[labels, np.arange(n)].sum()
-    counts = np.bincount(labels, minlength=n_labels)
-    names = -(counts * np.log((counts + 1) / (n + n_labels))).sum()
+    names = nats_of_labels(labels, len(shares))
     rows, columns = scene.links.nonzero()
     apart = labels[rows] != labels[columns]
     cut = NATS_OF_NEIGHBOURS / 2 * scene.links.data[apart].sum()
     unknowns = motions.costs(scene.views).sum() + NATS_OF_MOTION * len(motions)
     total = float(data + names + cut + unknowns)
     return Segmentation(total, float(data), motions, shares, labels)
+
+
+def nats_of_labels(labels, n_labels):
+    """Nats that labels (n,) tell, given how many tracks have each."""
+    counts = np.bincount(labels, minlength=n_labels)
+    return -(counts * np.log((counts + 1) / (len(labels) + n_labels))).sum()
 
 
 def settle(scene, motions, shares=None, rounds=ROUNDS):

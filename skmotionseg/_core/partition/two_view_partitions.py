@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.description_length import WorkingFrames
-from ..geometry.motion_models import homogeneous
-from ..geometry.two_views import TwoViewMotions, TwoViews, two_views
+from ..geometry.two_views import TwoViewMotions, two_views
 from ..labels import canonical_labels
 from .cost import Cost
 from .motions import Motions
+from .two_view_energy import log_shares
 from .two_view_search import MOST_MOTIONS, search_two_views
 from .two_view_surfaces import Surfaces, with_fewer_motions
 
@@ -129,8 +129,7 @@ class TwoViewExplanation(ByDensity):
 
     def _log_probabilities(self, points, visibility):
         seen, x, y = self.frames.observe(points, visibility)
-        views = TwoViews(homogeneous(x), homogeneous(y), self.side)
-        densities = self.found.with_mismatches(views)
+        densities = self.found.with_mismatches(two_views(x, y, self.side))
         return seen[0], densities + self.log_shares[:, None], self.motion_of
 
 
@@ -177,30 +176,62 @@ def two_view_partitions(geometry, counts, rng):
     """
     search = search_two_views(two_views(geometry.x, geometry.y), counts, rng)
     best = {} if search is None else _best_by_number_of_motions(search)
-    open_counts = sorted(set(best) & set(counts.tolist()))
-    if not open_counts:
+
+    def explain(found):
+        return TwoViewExplanation(
+            geometry.frames,
+            search.scene.views.side,
+            found.motions,
+            log_shares(found.shares),
+            found.motion_of,
+        )
+
+    scale = geometry.frames.scale
+    return partitions_of(best, counts, len(geometry.x), scale, explain)
+
+
+def partitions_of(best, counts, n_places, scale, explain):
+    """What was found between images, as a search over partitions hands it on.
+
+    Parameters
+    ----------
+    best : dict of int to Surfaces or Mixture
+        By the number of motions.
+    counts : ndarray of int, shape (n_counts,)
+        Numbers of motions that are open.
+    n_places : int
+        Places that are told, of all tracks.
+    scale : float
+        Pixels per working unit.
+    explain : callable
+        Takes what was found of one number to what explains it.
+
+    Returns
+    -------
+    TwoViewPartitions or None
+        None where nothing was found of an open number.
+    """
+    labels = {count: _complete(best[count]) for count in sorted(best)}
+    # A motion may be the most probable one of no track.
+    labels = {
+        count: each
+        for count, each in labels.items()
+        if count in counts and each.max() + 1 == count
+    }
+    if not labels:
         return None
-    labels = {count: _complete(best[count]) for count in open_counts}
-    costs = {count: _cost(best[count], geometry) for count in open_counts}
-    chosen = min(open_counts, key=lambda count: costs[count].total)
+    costs = {count: _cost(best[count], n_places, scale) for count in labels}
+    chosen = min(labels, key=lambda count: costs[count].total)
     found = best[chosen]
     order = [labels[chosen].tolist().index(label) for label in range(chosen)]
     order = found.shares_of_motions.argmax(axis=0)[order]
-    shares = found.shares.sum(axis=1)
-    explanation = TwoViewExplanation(
-        geometry.frames,
-        search.scene.views.side,
-        found.motions,
-        np.log((shares + 1) / (shares + 1).sum()),
-        found.motion_of,
-    )
     return TwoViewPartitions(
-        {count: (costs[count], labels[count]) for count in open_counts},
+        {count: (costs[count], labels[count]) for count in labels},
         chosen,
-        log_odds_of(best),
-        found.labels == len(found.motions),
+        _log_odds(best),
+        found.labels == len(found.shares) - 1,
         np.maximum(found.shares_of_motions.max(axis=0), found.shares[-1]),
-        explanation.reordered(order),
+        explain(found).reordered(order),
     )
 
 
@@ -243,27 +274,16 @@ def _complete(found):
     return canonical_labels(found.shares_of_motions.argmax(axis=0))
 
 
-def _cost(found, geometry):
+def _cost(found, n_places, scale):
     """Cost per track; places are known to a square pixel."""
     n = len(found.labels)
-    places = found.data_cost / n + 2 * np.log(geometry.frames.scale)
+    places = (found.data_cost + n_places * 2 * np.log(scale)) / n
     others = (found.cost - found.data_cost) / n
     return Cost(others, places, others + places)
 
 
-def log_odds_of(best):
-    """Log odds of each number against the best of fewer motions.
-
-    Parameters
-    ----------
-    best : dict of int to Surfaces or Mixture
-        With a ``cost``, in nats, by the number of motions.
-
-    Returns
-    -------
-    dict of int to float
-        But of the least number.
-    """
+def _log_odds(best):
+    """Log odds of each number against the best of fewer motions."""
     counts = sorted(best)
     return {
         count: (min(best[fewer].cost for fewer in counts[:position]) - best[count].cost)
