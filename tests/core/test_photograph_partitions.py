@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers.two_images import assert_places_and_rejects
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import MotionSegmenter, pack_tracks, unpack_tracks
@@ -70,17 +71,9 @@ def test_motions_and_mismatches_are_found(found):
 
 def test_tracks_are_placed_and_rejected_by_the_motions_in_their_order(found):
     points, seen, _, partitions = found
+    assert_places_and_rejects(partitions, points, seen)
     explanation, labels = partitions.explanation, partitions.best[2][1]
     nobody = np.full(len(labels), -1)
-    inside = ~partitions.outliers
-    placed = explanation.nearest(points, seen, nobody)
-    assert (placed == labels)[inside].mean() > 0.95
-    rejected = explanation.reject(points, seen, placed)
-    assert ((rejected < 0) == partitions.outliers).mean() > 0.95
-    turned = explanation.reordered([1, 0])
-    known = placed >= 0
-    assert_array_equal(turned.nearest(points, seen, nobody)[known], 1 - placed[known])
-    assert_array_equal(turned.motions.noise, explanation.motions.noise[::-1])
     once = seen & (np.cumsum(seen, axis=1) == 1)
     assert (explanation.nearest(points, once, nobody) == -1).all()
     assert_array_equal(explanation.reject(points, once, labels), labels)

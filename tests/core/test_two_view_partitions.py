@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from helpers.two_images import two_images
+from helpers.two_images import assert_places_and_rejects, two_images
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg._core.geometry.description_length import clip_geometry
@@ -45,16 +45,11 @@ def test_odds_are_of_costs(found):
 
 def test_tracks_are_placed_and_rejected_by_the_motions_in_their_order(found):
     points, seen, _, partitions = found
+    placed = assert_places_and_rejects(partitions, points, seen)
+    assert (placed >= 0).all()
     explanation, labels = partitions.explanation, partitions.best[2][1]
     nobody = np.full(len(labels), -1)
     inside = ~partitions.outliers
-    placed = explanation.nearest(points, seen, nobody)
-    assert (placed == labels)[inside].mean() > 0.95
-    rejected = explanation.reject(points, seen, placed)
-    assert ((rejected < 0) == partitions.outliers).mean() > 0.95
-    turned = explanation.reordered([1, 0])
-    assert_array_equal(turned.nearest(points, seen, nobody), 1 - placed)
-    assert_array_equal(turned.motions.noise, explanation.motions.noise[::-1])
     half = seen.copy()
     half[:50, 1] = False
     assert (explanation.nearest(points, half, nobody)[:50] == -1).all()

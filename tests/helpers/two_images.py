@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.testing import assert_array_equal
 
 SIZE = np.array([640.0, 480.0])
 FOCAL = 600.0
@@ -53,3 +54,25 @@ def rotation(vector):
     a, b, c = vector / angle
     K = np.array([[0, -c, b], [c, 0, -a], [-b, a, 0]])
     return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+def assert_places_and_rejects(partitions, points, seen):
+    """An explanation of two motions places and rejects what they were found in.
+
+    Returns
+    -------
+    ndarray of int, shape (n,)
+        Where it places the tracks; -1 where it knows nothing of one.
+    """
+    explanation, labels = partitions.explanation, partitions.best[2][1]
+    nobody = np.full(len(labels), -1)
+    inside = ~partitions.outliers
+    placed = explanation.nearest(points, seen, nobody)
+    assert (placed == labels)[inside].mean() > 0.95
+    rejected = explanation.reject(points, seen, placed)
+    assert ((rejected < 0) == partitions.outliers).mean() > 0.95
+    turned, known = explanation.reordered([1, 0]), placed >= 0
+    again = turned.nearest(points, seen, nobody)
+    assert_array_equal(again, np.where(known, 1 - placed, -1))
+    assert_array_equal(turned.motions.noise, explanation.motions.noise[::-1])
+    return placed
