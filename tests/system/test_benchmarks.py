@@ -295,7 +295,7 @@ def test_what_decides_is_taken_from_searches():
 
 
 def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
-    scene = make_scene("table", n_tracks=60, n_frames=8, outliers=0, random_state=4)
+    scene = make_scene("table", n_tracks=60, n_frames=12, outliers=0, random_state=5)
     more, error = search_gap.gap(Bunch(seed=0, **scene))
     assert more <= search_gap.TOLERANCE
     assert error < 0.05
