@@ -65,7 +65,7 @@ def test_new_rubbish_is_rejected_and_new_tracks_are_placed():
 
 
 def test_landmarks_reject_as_all_tracks_do():
-    X, y = make_rigid_motions(240, 7, outliers=0.1, random_state=2)
+    X, y = make_rigid_motions(240, 10, outliers=0.1, random_state=2)
     segmenter = MotionSegmenter(3, n_landmarks=120, random_state=0, **QUICK).fit(X)
     rubbish = y < 0
     assert (segmenter.labels_[rubbish] < 0).mean() > 0.8

@@ -63,7 +63,7 @@ def test_the_number_is_obeyed():
 
 @pytest.fixture(scope="module")
 def pair():
-    """Two motions and as many mismatches: (X, y), and labels that are found."""
+    """Two motions among mismatches: X, y, and the labels that are found."""
     X, y = two_images([40, 30], 40, seed=2)
     return X, y, segment(X).labels_
 
