@@ -53,7 +53,7 @@ def main(argv=None):
     arguments = parser.parse_args(argv)
     arguments.out.mkdir(parents=True, exist_ok=True)
     names, tracks, labels = read_sequences(arguments)
-    n_hypotheses = 200 if arguments.quick else 500
+    n_hypotheses = 100 if arguments.quick else 500
     waiting = set(arguments.only or ())
     for name, display in draw_all(names, tracks, labels, n_hypotheses):
         if arguments.only is None or name in waiting:
@@ -71,7 +71,7 @@ def main(argv=None):
 def read_sequences(arguments):
     """Lists of names, tracks and true labels."""
     n_clips = 2 if arguments.quick else arguments.clips
-    size = (80, 5) if arguments.quick else (160, 8)
+    size = (60, 3) if arguments.quick else (160, 8)
     if arguments.data is not None:
         clips = load_kt3dmoseg(arguments.data / "KT3DMoSeg")
         clips.sort(key=lambda clip: clip.name != arguments.sequence)
@@ -173,7 +173,7 @@ def draw_sequence_errors(names, tracks, labels, n_hypotheses):
         {name: MotionSegmenter(**common, **own) for name, own in methods.items()},
         tracks,
         labels,
-        seeds=[0, 1],
+        seeds=[0, 1] if len(names) > 2 else [0],
         sequence_names=names,
     )
     yield "errors", display

@@ -45,10 +45,10 @@ def test_a_track_that_is_lost_far_outside_changes_no_other(place):
 
 
 def test_clean_tracks_are_kept_and_rejection_can_be_turned_off():
-    X, _ = make_rigid_motions(200, 6, random_state=0)
+    X, _ = make_rigid_motions(200, 5, random_state=0)
     outside = MotionSegmenter(3, random_state=0, **QUICK).fit(X).labels_ < 0
     assert outside.mean() <= 0.01
-    X, _ = make_rigid_motions(100, 5, 2, outliers=0.1, random_state=0)
+    X, _ = make_rigid_motions(100, 4, 2, outliers=0.1, random_state=0)
     assert (MotionSegmenter(2, random_state=0, **QUICK).fit(X).labels_ < 0).any()
     keep = MotionSegmenter(2, reject_outliers=False, random_state=0, **QUICK)
     assert (keep.fit(X).labels_ >= 0).all()
@@ -151,7 +151,7 @@ def test_motions_are_searched_again_without_many_outliers(
 
 
 def test_rejection_changes_no_other_label():
-    X, _ = make_rigid_motions(150, 10, 2, outliers=0.2, random_state=0)
+    X, _ = make_rigid_motions(150, 6, 2, outliers=0.2, random_state=0)
     rejected = MotionSegmenter(random_state=0, **QUICK).fit(X)
     kept = MotionSegmenter(reject_outliers=False, random_state=0, **QUICK).fit(X)
     inside = rejected.labels_ >= 0

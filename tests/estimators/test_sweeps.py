@@ -103,7 +103,7 @@ def test_a_grid_over_the_count_of_the_segmenter(scene):
         {"selection": ["description_length"], "max_motions": [4], "models": [ALL]},
     ]
     X, y = scene
-    found = search(MotionSegmenter(**PAPER), grid, X[::2, :8], y[::2])
+    found = search(MotionSegmenter(**PAPER), grid, X[::2, :6], y[::2])
     assert found.best_estimator_.n_motions_ <= found.best_params_["max_motions"]
 
 
@@ -226,7 +226,7 @@ def test_one_count_rule_for_many_sequences(sequences):
     estimator = PerSequence(MotionSegmenter(fusion="subset", max_motions=3, **PAPER))
     found = GridSearchCV(estimator, grid, cv=KFold(2), error_score="raise")
     X, y = sequences
-    X, y = [x[::2, :8] for x in X], [each[::2] for each in y]
+    X, y = [x[::2, :6] for x in X], [each[::2] for each in y]
     assert 0 < found.fit(X, y).best_score_ <= 1
 
 
@@ -313,7 +313,7 @@ def test_models_are_swept_from_the_same_three_branches(
     segmenter = MotionSegmenter(3, memory=str(tmp_path), selection=selection, **SMALL)
     grid = [{"models": SUBSETS}, {"n_motions": [2]}, {"fusion": ["coreg", "subset"]}]
     X, y = scene
-    search(segmenter, grid, X[::3], y[::3])
+    search(segmenter, grid, X[::3, :6], y[::3])
     assert fits == {"HypothesisSampler": 3, "ORKKernel": 3}
 
 
@@ -339,12 +339,12 @@ def test_a_sweep_over_the_kernel_draws_the_hypotheses_once(scene, fits, tmp_path
 @pytest.mark.parametrize("other", [{"random_state": 1}, {"n_hypotheses": 100}])
 def test_another_setting_is_not_taken_from_the_cache(scene, fits, tmp_path, other):
     for params in (SMALL, SMALL | other):
-        MotionSegmenter(3, memory=str(tmp_path), **params).fit(scene[0][::3])
+        MotionSegmenter(3, memory=str(tmp_path), **params).fit(scene[0][::3, :6])
     assert fits == {"HypothesisSampler": 6, "ORKKernel": 6}
 
 
 def test_the_cache_changes_no_label(scene, tmp_path):
-    X = scene[0][::2, :8]
+    X = scene[0][::2, :6]
     plain = MotionSegmenter(3, **SMALL).fit(X)
     for _ in range(2):  # computed, then read
         cached = MotionSegmenter(3, memory=str(tmp_path), **SMALL).fit(X)
@@ -400,7 +400,7 @@ def test_the_repr_makes_the_estimator(estimator):
     ids=["segmenter", "count unknown", "pipeline"],
 )
 def test_a_fitted_estimator_survives_pickling(estimator, scene):
-    X = scene[0][::2, :8]
+    X = scene[0][::2, :6]
     estimator = clone(estimator).fit(X)
     restored = pickle.loads(pickle.dumps(estimator))
     assert_array_equal(restored.predict(X), estimator.predict(X))
@@ -416,7 +416,7 @@ def test_a_fitted_estimator_survives_pickling(estimator, scene):
 def test_a_seed_gives_its_labels_with_any_number_of_workers(
     scene, n_motions, selection
 ):
-    X = scene[0][::2, :8]
+    X = scene[0][::2, :6]
     params = {"selection": selection, "max_motions": 4, **SMALL}
     labels, again, shared = (
         MotionSegmenter(n_motions, n_jobs=n_jobs, **params).fit_predict(X)
@@ -441,7 +441,7 @@ def test_another_seed_draws_other_hypotheses(scene):
 
 
 def test_workers_change_no_label_of_the_pipeline(scene):
-    X, _ = scene
+    X = scene[0][::2, :6]
     alone, shared = (
         make_motion_pipeline(n_clusters=3, n_jobs=n_jobs, **SMALL).fit_predict(X)
         for n_jobs in (1, 2)
@@ -491,7 +491,7 @@ def test_held_out_tracks_get_their_motion(make, fusion):
 @every_selection
 @pytest.mark.parametrize("n_motions", [3, "auto"])
 def test_fitted_tracks_are_placed_where_they_were(scene, n_motions, selection):
-    X = scene[0][::2, :8]
+    X = scene[0][::2, :6]
     segmenter = MotionSegmenter(
         n_motions, max_motions=4, selection=selection, **SMALL
     ).fit(X)
@@ -517,7 +517,7 @@ def test_ncre_with_another_clusterer_keeps_the_contract_on_labels(scene):
 
 
 def test_the_order_of_models_does_not_matter(scene):
-    X = scene[0][::2, :8]
+    X = scene[0][::2, :6]
     first = MotionSegmenter(3, models=ALL, fusion="subset", **SMALL).fit(X)
     other = MotionSegmenter(3, models=ALL[::-1], fusion="subset", **SMALL).fit(X)
     assert list(first.views_) == list(other.views_) == list(ALL)
@@ -560,7 +560,7 @@ def test_one_model_may_be_named_by_itself(scene):
 
 def test_limits_of_a_search_do_not_bind_a_known_count(scene):
     segmenter = MotionSegmenter(3, min_motions=11, **SMALL)
-    assert segmenter.fit(scene[0][::2, :8]).n_motions_ == 3
+    assert segmenter.fit(scene[0][::2, :6]).n_motions_ == 3
 
 
 def test_memory_may_be_a_path(scene, tmp_path):

@@ -88,8 +88,8 @@ def drive(frame):
 
 
 def stop_and_go(frame):
-    """Drives, stands from frame 20 to frame 50, and drives on."""
-    way = min(frame, 20) + max(frame - 50, 0)
+    """Drives, stands from frame 12 to frame 42, and drives on."""
+    way = min(frame, 12) + max(frame - 42, 0)
     return np.array([-1.5 + 0.05 * way, 0.8 - 0.04 * way, 8.0])
 
 

@@ -23,8 +23,8 @@ from threadpoolctl import threadpool_info
 from skmotionseg import MotionSegmenter, cli
 from skmotionseg.datasets import make_rigid_motions
 
-X, Y = make_rigid_motions(80, 4, 2, missing=0.1, random_state=0)
-SMALL = {"n_hypotheses": 40, "n_landmarks": 50, "max_motions": 3, "random_state": 0}
+X, Y = make_rigid_motions(40, 4, 2, missing=0.1, random_state=0)
+SMALL = {"n_hypotheses": 40, "n_landmarks": 30, "max_motions": 3, "random_state": 0}
 # Stage: what is called in its midst.
 FITS = {
     "hypotheses": "skmotionseg.sampling.draw_hypotheses",

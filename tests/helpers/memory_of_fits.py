@@ -19,8 +19,8 @@ def resident():
 
 
 def fit(seed):
-    n_tracks = 100 + seed % 7  # sizes that nothing can keep an array for
-    X, _ = make_rigid_motions(n_tracks, 4, 2, random_state=seed)
+    n_tracks = 200 + seed % 7  # sizes that nothing can keep an array for
+    X, _ = make_rigid_motions(n_tracks, 3, 2, random_state=seed)
     params = {"n_hypotheses": 60, "n_landmarks": 60, "max_motions": 3}
     MotionSegmenter(**params, n_jobs=2, random_state=seed).fit(X).predict(X)
 

@@ -2,6 +2,7 @@
 
 SLOW = {
     "core/test_edge_numbers.py",
+    "core/test_photograph_partitions.py",
     "estimators/test_any_streams.py",
     "estimators/test_conformance.py",
     "estimators/test_interface.py",

@@ -153,7 +153,9 @@ class Streams:
 @st.composite
 def streams(draw):
     return Streams(
-        n_tracks=draw(mostly(st.integers(16, 50), st.integers(1, 15))),
+        n_tracks=draw(
+            mostly(st.integers(16, 32), st.integers(1, 15), st.integers(33, 50))
+        ),
         n_frames=draw(mostly(st.integers(12, 24), st.integers(1, 11))),
         n_motions=draw(st.integers(1, 3)),
         scene=draw(st.sampled_from(SCENES)),

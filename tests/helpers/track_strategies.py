@@ -241,7 +241,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 def tracks(draw):
     few, many = st.integers(1, 12), st.integers(60, 300)
     n_tracks = draw(mostly(st.integers(12, 60), few, few, few, many))
-    n_frames = draw(mostly(st.integers(3, 8), st.just(2), st.integers(8, 40)))
+    n_frames = draw(mostly(st.integers(3, 8), st.just(2), st.integers(8, 24)))
     scale = 10.0 ** draw(st.integers(-6, 7))
     return Tracks(
         n_tracks=n_tracks,

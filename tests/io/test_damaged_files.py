@@ -88,7 +88,7 @@ def write_videos(folder):
 @pytest.mark.parametrize("write", [write_track_files, write_masks, write_videos])
 @pytest.mark.parametrize(
     "every_percent, n_flips, seconds",
-    [(5, 100, 120), pytest.param(1, 2000, 1800, marks=pytest.mark.long)],
+    [(10, 60, 120), pytest.param(1, 2000, 1800, marks=pytest.mark.long)],
 )
 def test_damaged_files_are_read_or_refused_in_words(
     write, every_percent, n_flips, seconds, tmp_path

@@ -44,7 +44,7 @@ TINY = {
     "n_tracks": 38,
     "n_fitted": 38,
     "n_new": 20,
-    "n_frames": 5,
+    "n_frames": 3,
     "n_hypotheses": 20,
 }
 BENCHMARKS = {
@@ -67,8 +67,8 @@ def one_thread():
 
 @pytest.fixture(scope="module")
 def clips():
-    """So few tracks that none are reassigned by rigid motion, which takes longest."""
-    return [scenes.clip_like(38, 5, random_state=seed) for seed in range(2)]
+    """So few frames that there is one window of them: what takes longest, once."""
+    return [scenes.clip_like(38, 3, random_state=seed) for seed in range(2)]
 
 
 def test_every_class_is_discovered():
@@ -140,11 +140,11 @@ def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tm
     )
     path = tmp_path / "speed.json"
     rows = ["clips-coreg-known", "clips-plain-known", "tracks-*", "frames-*"]
-    sizes = ["--tracks", "34", "38", "--frames", "6", "--tracks-of-frames", "38"]
+    sizes = ["--tracks", "34", "38", "--frames", "4", "--tracks-of-frames", "38"]
     main(["--table", "--quick", "--rows", *rows, *sizes, "--json", str(path)])
     printed = capsys.readouterr().out
     record = {row["row"]: row for row in json.loads(path.read_text())["table"]}
-    assert list(record) == [*rows[:2], "tracks-34", "tracks-38", "frames-6"]
+    assert list(record) == [*rows[:2], "tracks-34", "tracks-38", "frames-4"]
     assert all(row in printed for row in record)
     assert record["clips-plain-known"]["plain_ratio"] == 1
     assert record["clips-coreg-known"]["plain_ratio"] > 0
@@ -212,13 +212,14 @@ def test_floor_is_below_our_time(clips):
     assert all(row["floor"] == row["product"] + row["memory"] > 0 for row in rows)
 
 
-def test_peers_that_are_missing_are_named_and_not_guessed(clips, monkeypatch):
+def test_peers_that_are_missing_are_named_and_not_guessed(monkeypatch):
     def missing():
         raise ModuleNotFoundError("No module named 'mvlearn'", name="mvlearn")
 
     name = "mvlearn MultiviewCoRegSpectralClustering"
     monkeypatch.setitem(peers.METHODS, name, (missing, "coreg"))
-    rows = {row["row"]: row for row in peers.make_peers(clips, ["*"], 1)}
+    clip = scenes.clip_like(38, 5, random_state=0)
+    rows = {row["row"]: row for row in peers.make_peers([clip], ["*"], 1)}
     assert list(rows) == list(peers.METHODS)
     problem = "not installed: pip install --no-deps mvlearn"
     assert rows[name] == {"row": name, "problem": problem}
@@ -305,7 +306,7 @@ def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
 
 def test_of_a_search_with_and_one_without_outliers_the_last_is_looked_at():
     scene = make_scene(
-        "planar", n_tracks=80, n_frames=8, n_motions=2, outliers=0.3, random_state=0
+        "planar", n_tracks=80, n_frames=5, n_motions=2, outliers=0.3, random_state=0
     )
     with rigid_searches() as searches:
         MotionSegmenter(2, random_state=0).fit(scene.data)
@@ -423,7 +424,7 @@ def test_other_processes_see_the_value_too():
 
 
 def test_fits_that_are_known_are_those_of_the_setting():
-    clip = scenes.clip_like(45, 3, random_state=0)
+    clip = scenes.clip_like(30, 3, random_state=0)
     together = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, _settings())
     for setting, row in zip(_settings(), together, strict=True):
         (alone,) = sensitivity.measure_sequence("KT3DMoSeg", clip, 0, [setting])
@@ -545,7 +546,8 @@ def follow(layer, n_frames):
 
 def test_masks_of_a_rendered_video_are_scored(monkeypatch, capsys):
     pytest.importorskip("cv2")
-    monkeypatch.setattr(rendered, "N_FRAMES", 5)
+    for name, value in (("N_FRAMES", 5), ("HEIGHT", 180), ("WIDTH", 320)):
+        monkeypatch.setattr(rendered, name, value)
     video = rendered.render_video(0)
     assert len(video.frames) == len(video.masks) == 5
     assert video.frames[0].shape == (*video.masks[0].shape, 3)

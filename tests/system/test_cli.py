@@ -331,7 +331,7 @@ def benchmarks(tmp_path_factory):
     for dataset in ("KT3DMoSeg", "Hopkins12"):
         (data / dataset).mkdir()
     for seed in range(2):
-        X, y = make_rigid_motions(36 + seed, 4, 2, random_state=seed)
+        X, y = make_rigid_motions(24 + seed, 3, 2, random_state=seed)
         write_struct(data / "KT3DMoSeg" / f"Seq{seed}_Tracks.mat", X, y)
     X, y = make_rigid_motions(36, 4, 2, missing=0, random_state=0)
     write_struct(data / "Hopkins12" / "small_Tracks.mat", X, y, visibility=False)
@@ -374,8 +374,8 @@ def test_bench_writes_a_record_a_run(measured):
         *stages, total = record["seconds"].values()
         assert total == pytest.approx(sum(stages))
         assert min(stages) > 0
-        assert record["n_tracks"] == 36 + int(record["sequence"][-1])
-        assert (record["n_frames"], record["n_motions"]) == (4, 2)
+        assert record["n_tracks"] == 24 + int(record["sequence"][-1])
+        assert (record["n_frames"], record["n_motions"]) == (3, 2)
 
 
 @measured_once
@@ -487,17 +487,17 @@ def test_bench_takes_pairs_of_images_which_the_paper_does_not(
 def fbms(tmp_path):
     """Two small sequences of FBMS-59, one of each set: points of regions, each."""
     for part, seed in (("Trainingset", 0), ("Testset", 1)):
-        X, y = make_rigid_motions(38, 10, 2, missing=0, random_state=seed)
+        X, y = make_rigid_motions(38, 4, 2, missing=0, random_state=seed)
         home = tmp_path / "FBMS59" / part / f"scene{seed}"
         masks = {}
-        for frame in (0, 9):
+        for frame in (0, 3):
             image = np.zeros((720, 1280))
             column, row = np.floor(X[:, 2 * frame : 2 * frame + 2].T + 0.5).astype(int)
             inside = (row >= 0) & (row < 720) & (column >= 0) & (column < 1280)
             image[row[inside], column[inside]] = y[inside]
             masks[frame] = (f"{frame:04}_gt.pgm", image)
-        write_definition(home, [0, 1], 10, masks)
-        write_tracks(home / "Tracks10.dat", X, y)
+        write_definition(home, [0, 1], 4, masks)
+        write_tracks(home / "Tracks4.dat", X, y)
     return tmp_path
 
 

@@ -16,7 +16,7 @@ from skmotionseg.video import dense_masks, find_objects, prompt_points
 pytest.importorskip("cv2", reason="needs opencv-python-headless")
 
 CASES_A_TEST = 250
-CASES = {"short": 30, "long": 2000}
+CASES = {"short": 20, "long": 2000}
 PIECES = range(CASES["long"] // CASES_A_TEST)
 
 

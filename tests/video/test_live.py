@@ -16,7 +16,7 @@ from skmotionseg.video import follow_points, track_video
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 
-WIDTH, HEIGHT, N_FRAMES = 240, 180, 16
+WIDTH, HEIGHT, N_FRAMES = 240, 180, 14
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +217,7 @@ def test_what_was_found_stays_whatever_ends_it(frames, tmp_path, capsys):
     folder.mkdir()
     for number, frame in enumerate([*frames[:12], frames[0][:-4]]):
         cv2.imwrite(str(folder / f"{number}.png"), frame)
-    options = ["--no-window", "--out", str(table)]
+    options = ["--grid", "14", "--no-window", "--out", str(table)]
     assert main(["segment", "--live", str(folder), *options]) == 2
     assert "frame 12 is 240 x 176" in capsys.readouterr().err
     rows = np.loadtxt(table, delimiter=",", skiprows=1)
