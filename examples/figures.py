@@ -173,7 +173,7 @@ def draw_sequence_errors(names, tracks, labels, n_hypotheses):
         {name: MotionSegmenter(**common, **own) for name, own in methods.items()},
         tracks,
         labels,
-        seeds=[0, 1] if len(names) > 2 else [0],
+        seeds=[0, 1],
         sequence_names=names,
     )
     yield "errors", display

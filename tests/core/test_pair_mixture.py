@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers.photographs import photographs
 from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import unpack_tracks
@@ -16,22 +17,21 @@ from skmotionseg._core.partition.pair_mixture import (
     log_evidence,
     settled,
 )
-from skmotionseg.datasets import make_scene
 from skmotionseg.metrics import misclassification_error
 
 
 @pytest.fixture(scope="module")
-def photographs():
-    settings = {"n_tracks": 160, "n_frames": 5, "n_motions": 2, "outliers": 0.2}
-    scene = make_scene("photographs", random_state=4, **settings)
+def five():
+    """Tracks of five photographs, their labels, and the pairs that see most of them."""
+    scene = photographs(n_frames=5)
     points, seen = unpack_tracks(scene.data)
     chosen = pairs_with_most_tracks(seen, 16, 10)
     frames = replace(clip_geometry(points, seen).frames, pairs=chosen)
     return points, seen, scene.target, frames
 
 
-def test_the_evidence_of_pairs_adds_up(photographs):
-    points, seen, true, frames = photographs
+def test_the_evidence_of_pairs_adds_up(five):
+    points, seen, true, frames = five
     shares = (np.where(true < 0, 2, true) == np.arange(3)[:, None]).astype(float)
     pairs = image_pairs(frames, points, seen)
     mixture = settled(pairs, shares, 4)
@@ -50,8 +50,8 @@ def test_the_evidence_of_pairs_adds_up(photographs):
     assert settled(pairs, wrong, 4).cost > mixture.cost + 100
 
 
-def test_places_do_not_depend_on_other_tracks(photographs):
-    points, seen, _, frames = photographs
+def test_places_do_not_depend_on_other_tracks(five):
+    points, seen, _, frames = five
     frames = replace(frames, pairs=np.array([[0, 1]]))
     (whole,) = image_pairs(frames, points, seen)
     half = image_pairs(frames, points[::2], seen[::2], [whole.views.side])[0]

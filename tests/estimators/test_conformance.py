@@ -93,10 +93,7 @@ CASES = {
     "NCREModelSelector": (OneViewNCRE(max_clusters=3), NOT_AFFINITIES),
     "EigengapModelSelector": (OneViewEigengap(max_clusters=3), NOT_AFFINITIES),
     "SelfTuningModelSelector": (OneViewSelfTuning(max_clusters=3), NOT_AFFINITIES),
-    "MotionSegmenter": (
-        MotionSegmenter(selection="ncre", **SMALL),
-        NOT_TRACKS | {"check_clustering"},
-    ),
+    "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
     # Of the two rules, the default one with the steps of a known number among its own.
     "MotionSegmenter, by NCRE, any matrix": (
         AnySegmenter(3, selection="ncre", **ENOUGH),

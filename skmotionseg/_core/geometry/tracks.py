@@ -331,9 +331,9 @@ def covisible_pairs(visibility, usual):
     if reached.mean() >= ENOUGH_REACHED:
         return _with_more(usual, joinable, ~reached)
     common = _n_common(joinable)
+    pairs = _with_most(common, 1, MOST_COVISIBLE)
     np.fill_diagonal(common, -1)
     nearest = np.column_stack([np.arange(len(common)), common.argmax(axis=1)])
-    pairs = pairs_with_most_tracks(joinable, 1, MOST_COVISIBLE)
     chosen = np.unique(np.concatenate([pairs, np.sort(nearest, axis=1)]), axis=0)
     chosen = chosen[common[tuple(chosen.T)] > 0]
     missed = ~_reached(joinable, chosen)
@@ -356,8 +356,13 @@ def pairs_with_most_tracks(visibility, fewest, most):
     ndarray of int, shape (n_pairs, 2)
         In the order of their frames, the first before the second.
     """
-    pairs = np.column_stack(np.triu_indices(visibility.shape[1], 1))
-    common = _n_common(visibility)[tuple(pairs.T)]
+    return _with_most(_n_common(visibility), fewest, most)
+
+
+def _with_most(common, fewest, most):
+    """The same by the tracks (n_frames, n_frames) that each two frames see."""
+    pairs = np.column_stack(np.triu_indices(len(common), 1))
+    common = common[tuple(pairs.T)]
     order = np.argsort(-common, kind="stable")[:most]
     return pairs[np.sort(order[common[order] >= fewest])]
 
