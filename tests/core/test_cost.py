@@ -29,10 +29,11 @@ def test_lengths_are_computed_once(monkeypatch):
     geometry, y = geometry_of(n_tracks=60, n_frames=4, random_state=0)
     calls, nothing = [], DescriptionLength(np.zeros(1), 0.0, np.zeros(1, dtype=bool))
     monkeypatch.setattr(
-        "skmotionseg._core.partition.cost.description_length",
-        lambda geometry, members, _: calls.append(len(members)) or nothing,
+        "skmotionseg._core.partition.cost.description_lengths",
+        lambda geometry, groups, _: calls.extend(groups) or [nothing] * len(groups),
     )
     lengths = GroupLengths(geometry)
+    lengths.know(groups_of(y)[:1] * 2)
     lengths.of_partition(y)
     lengths.of_partition(y)
     assert len(calls) == len(groups_of(y))

@@ -9,17 +9,22 @@ import pytest
 from helpers import plain_geometry as plain
 from numpy.testing import assert_allclose, assert_array_equal
 
+from skmotionseg._core.geometry import description_length as module
 from skmotionseg._core.geometry.description_length import (
     MAX_PAIRS,
     NOISE_LEVELS,
     clip_geometry,
-    description_length,
+    description_lengths,
     shortest_length,
     track_medians,
 )
 from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.partition.cost import GroupLengths
 from skmotionseg.datasets import make_rigid_motions
+
+
+def description_length(geometry, members):
+    return description_lengths(geometry, [members])[0]
 
 
 def geometry_of(**scene):
@@ -178,15 +183,30 @@ def plain_length(geometry, members):
 def test_lengths_of_groups(scene):
     points, visibility, labels = scene
     geometry = clip_geometry(points, visibility)
-    for members in (labels == 0, labels == 1, np.arange(60) < 9, np.arange(60) < 7):
-        members = np.flatnonzero(members)
-        found = description_length(geometry, members)
+    groups = (labels == 0, labels == 1, np.arange(60) < 9, np.arange(60) < 7)
+    groups = [np.flatnonzero(members) for members in groups]
+    lengths = description_lengths(geometry, groups)  # of other sizes, in one batch
+    for members, found in zip(groups, lengths, strict=True):
         tracks, models = plain_length(geometry, members)
         assert_allclose(found.tracks, tracks, rtol=1e-4)
         assert found.models == pytest.approx(models)
         assert found.total == pytest.approx(sum(tracks) + models, rel=1e-4)
         n_seen = geometry.seen[:, members].sum(axis=1)
         assert_array_equal(found.modelled, n_seen >= 8)
+
+
+@pytest.mark.parametrize("batch", [1, 500, 10**9])
+def test_lengths_do_not_depend_on_the_size_of_batches(scene, batch, monkeypatch):
+    geometry = clip_geometry(*scene[:2])
+    rng = np.random.default_rng(0)
+    groups = [rng.choice(60, size=n, replace=False) for n in (0, 30, 3, 60, 12, 9)]
+    monkeypatch.setattr(module, "BATCH", batch)
+    found = description_lengths(geometry, groups)
+    alone = [description_length(geometry, members) for members in groups]
+    for together, each in zip(found, alone, strict=True):
+        assert together.total == pytest.approx(each.total, rel=1e-9)
+        assert_array_equal(together.modelled, each.modelled)
+    assert description_lengths(geometry, []) == []
 
 
 @pytest.mark.parametrize(("n_constraints", "n_parameters"), [(1, 7), (2, 8), (2, 6)])

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skmotionseg import MotionSegmenter, pack_tracks
 from skmotionseg._core.geometry.description_length import (
     clip_geometry,
-    description_length,
+    description_lengths,
 )
 from skmotionseg._core.geometry.epipolar import cheapest_rank_two
 from skmotionseg._core.geometry.model_choice import (
@@ -104,10 +104,10 @@ def test_the_length_by_a_fundamental_matrix_is_the_description_length():
     X, _ = make_rigid_motions(80, 8, 1, missing=0, random_state=0)
     geometry, members = clip_geometry(*unpack_tracks(X)), np.arange(80)
     geometry = replace(geometry, log_range=geometry.log_range + 2)  # they move far
-    length = description_length(geometry, members, cheapest_rank_two).total
+    (length,) = description_lengths(geometry, [members], cheapest_rank_two)
     found = choose_model(geometry, members)
     assert found.lengths["fundamental"] * geometry.n_observations == pytest.approx(
-        length
+        length.total
     )
 
 

@@ -26,6 +26,8 @@ OF_MEDIAN = 1.4826
 # Standard deviations of the noise to choose from, as shares of the mean distance of
 # the tracks from their centre: about 0.02 to 0.3 pixels in a video of 640 x 480.
 NOISE_LEVELS = 2e-4 * 2.0 ** np.arange(5)
+# Observations whose groups are fitted at a time: many small groups take as long as one.
+BATCH = 4096
 
 
 @dataclass(frozen=True)
@@ -220,27 +222,56 @@ class DescriptionLength:
         return float(self.tracks.sum() + self.models)
 
 
-def description_length(geometry, members, lower_rank=nearest_rank_two):
-    """Nats to describe a group of tracks by one fundamental matrix per frame pair.
+def description_lengths(geometry, groups, lower_rank=nearest_rank_two):
+    """Nats to describe groups of tracks by one fundamental matrix per frame pair each.
 
-    At the noise level that makes the whole least. In a pair that sees fewer than eight
-    of the tracks there is no model, and each costs its place in the plane.
+    At the noise level that makes the whole of a group least. In a pair that sees fewer
+    than eight of its tracks there is no model, and each costs its place in the plane.
 
     Parameters
     ----------
     geometry : ClipGeometry
-    members : ndarray of int
-        Tracks of the group.
+    groups : list of ndarray of int
+        Tracks of each.
     lower_rank : callable
         As for :func:`~skmotionseg._core.geometry.epipolar.robust_fits`.
 
     Returns
     -------
-    DescriptionLength
+    list of DescriptionLength
     """
-    x, y, seen = geometry.of_group(members)
-    _, residuals = robust_fits(x, y, seen, lower_rank)
-    return shortest_length(geometry, residuals, seen, 1, 7)
+    lengths: dict[int, DescriptionLength] = {}
+    for some in _batches([len(members) for members in groups], len(geometry.seen)):
+        observed = [geometry.of_group(groups[k]) for k in some]
+        x, y, seen = map(_stacked, zip(*observed, strict=True))
+        _, residuals = robust_fits(x, y, seen, lower_rank)
+        by_group = (np.split(each, len(some)) for each in (residuals, seen))
+        for k, errors, own in zip(some, *by_group, strict=True):
+            lengths[k] = shortest_length(geometry, errors, own, 1, 7)
+    return [lengths[k] for k in range(len(groups))]
+
+
+def _batches(sizes, n_pairs):
+    """Yield groups of about one size, as many as a batch may hold, one at least."""
+    some: list[int] = []
+    for k in sorted(range(len(sizes)), key=sizes.__getitem__):
+        if some and (len(some) + 1) * sizes[k] * n_pairs > BATCH:
+            yield some
+            some = []
+        some.append(k)
+    if some:
+        yield some
+
+
+def _stacked(arrays):
+    """Arrays (n_pairs, n, ...) of groups below each other, padded with zeros."""
+    most = max(array.shape[1] for array in arrays)
+    first = arrays[0]
+    shape = len(arrays), len(first), most, *first.shape[2:]
+    stacked = np.zeros(shape, first.dtype)
+    for each, array in zip(stacked, arrays, strict=True):
+        each[:, : array.shape[1]] = array
+    return np.concatenate(stacked)
 
 
 def shortest_length(geometry, residuals, seen, n_constraints, n_parameters):

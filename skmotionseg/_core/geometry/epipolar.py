@@ -127,7 +127,8 @@ def robust_fits(x, y, seen, lower_rank=nearest_rank_two, trusted=None):
         gradient = np.maximum(gradient, np.finfo(float).tiny)
         errors = (rows @ F.reshape(-1, 9, 1))[..., 0] ** 2 / gradient
         weights = fitted / (1 + errors * (spread / ROBUST_SCALE) ** 2)
-        weights /= np.maximum(gradient, 1e-9 * gradient.max())
+        least = 1e-9 * gradient.max(axis=1, keepdims=True)
+        weights /= np.maximum(gradient, least)
         weights /= weights.max(axis=1, keepdims=True)
     fits[pairs] = frames[1].swapaxes(1, 2) @ F @ frames[0]
     residuals[pairs] = errors * spread**2

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..geometry.description_length import description_length
+from ..geometry.description_length import description_lengths
 from ..geometry.epipolar import cheapest_rank_two, nearest_rank_two
 from ..graph.cuts import cuts_between, normalized_cut
 from ..labels import groups_of
@@ -54,10 +54,15 @@ class GroupLengths:
         """The :class:`DescriptionLength` of a group, given as sorted positions."""
         key = members.tobytes()
         if key not in self._known:
-            self._known[key] = description_length(
-                self.geometry, members, self.lower_rank
-            )
+            self.know([members])
         return self._known[key]
+
+    def know(self, groups):
+        """Compute what is not known of some groups, in common batches."""
+        new = {group.tobytes(): group for group in groups}
+        new = {key: group for key, group in new.items() if key not in self._known}
+        found = description_lengths(self.geometry, list(new.values()), self.lower_rank)
+        self._known.update(zip(new, found, strict=True))
 
     def of_partition(self, labels):
         """Nats an observation to describe all groups of a partition."""
@@ -122,6 +127,13 @@ class Judge:
         cut = sum(normalized_cut(view, labels) for view in self.views)
         length = float(np.mean([each.of_partition(labels) for each in self.lengths]))
         return Cost(cut, length, CUT_WEIGHT * cut + length)
+
+    def costs(self, partitions):
+        """Yield each partition with its cost, the groups of all fitted together."""
+        for each in self.lengths:
+            each.know([group for labels in partitions for group in groups_of(labels)])
+        for labels in partitions:
+            yield labels, self.cost(labels)
 
     def each_gains(self, labels):
         """Whether each two motions save enough by not being one.

@@ -66,13 +66,9 @@ def frame_pair_partitions(clip, counts):
 def _best_by_count(clip, counts):
     """The partition of lowest cost per number of motions: {count: (cost, labels)}."""
     best: dict[int, tuple[Cost, np.ndarray]] = {}
-    tried = set()
-    for labels in _candidates(clip, counts):
-        if labels.tobytes() in tried:
-            continue
-        tried.add(labels.tobytes())
+    candidates = {labels.tobytes(): labels for labels in _candidates(clip, counts)}
+    for labels, cost in clip.judge.costs(list(candidates.values())):
         count = int(labels.max()) + 1
-        cost = clip.judge.cost(labels)
         if count not in best or cost.total < best[count][0].total:
             best[count] = (cost, labels)
     # Identical tracks may give fewer groups than were asked for.
