@@ -19,6 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .camera import USUAL_FOCAL_LENGTH
 from .rigid_motion import nats_of_residuals
 from .tracks import covered
 from .windows import (
@@ -169,9 +170,7 @@ def _line_search(points, visibility, at_once):
     Upwards, downwards or to a side: the way in which the first step is best. The last
     step makes it no better, if there are not too many.
     """
-    # With a wrong focal length, what turns is not rigid, either.
-    some = (Windows(points, visibility, share) for share in FOCAL_LENGTHS)
-    before = min((_half_of_one_motion(at_once, each) for each in some), key=_nats_of)
+    before = _by_best_focal_length(points, visibility, at_once)
 
     def after(tried, step):
         """What is tried next, its motion fitted from that of the last."""
@@ -232,14 +231,41 @@ def _shifted(some, by):
     return steps, known
 
 
-def _half_of_one_motion(shutter, windows):
+def _by_best_focal_length(points, visibility, shutter):
     """The half of the tracks that one motion explains best, and the motion.
+
+    With a wrong focal length, what turns is not rigid, either. So the half by a usual
+    one is explained by others, too, and is chosen again by the one that does it best.
+    """
+    first, *others = (
+        Windows(points, visibility, share)
+        for share in sorted(FOCAL_LENGTHS, key=_unusual)
+    )
+    everyone = np.arange(len(points))
+    (motion,) = first.fit([everyone], MOST_FITTED)
+    usual = best = _half_of_one_motion(shutter, first, motion)
+    for windows in others:
+        ratio = first.focal_length / windows.focal_length
+        start = usual.motion.refocused(ratio)
+        (motion,) = windows.refine([usual.tracks], [[start]], MOST_FITTED)
+        tried = _tried(shutter, windows, motion, usual.tracks)
+        best = min(best, tried, key=_nats_of)
+    if best is not usual:
+        best = _half_of_one_motion(shutter, best.windows, best.motion)
+    return best
+
+
+def _unusual(focal_length):
+    return abs(np.log(focal_length / USUAL_FOCAL_LENGTH))
+
+
+def _half_of_one_motion(shutter, windows, motion):
+    """The half of the tracks that a motion explains best, and the one fitted to it.
 
     Least trimmed squares: the half is chosen again by the motion that is fitted to it.
     """
     everyone = np.arange(len(windows.freedom))
     half = everyone
-    (motion,) = windows.fit([half], MOST_FITTED)
     for _ in range(ROUNDS):
         left, known = windows.deviations(motion, everyone)
         order = np.argsort(np.where(known > 0, left, np.inf), kind="stable")
