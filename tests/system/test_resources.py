@@ -46,8 +46,10 @@ def test_interrupted_stages_leave_nothing(tmp_path):
     ("count", "allowed"), [(8, 10), pytest.param(200, 20, marks=pytest.mark.long)]
 )
 def test_fits_keep_no_memory(count, allowed):
-    start, end = map(float, run([HERE / "memory_of_fits.py", count]).split())
+    found = run([HERE / "memory_of_fits.py", count]).split()
+    start, end, n_before, n_after = map(float, found)
     assert end - start < allowed
+    assert n_after <= n_before
 
 
 # ----------------------------------------------------------------------------- import
