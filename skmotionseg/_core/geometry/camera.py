@@ -28,6 +28,11 @@ USUAL_FOCAL_LENGTH = 0.85
 LEAST_ROOT = 0.05
 
 
+def log_ratio(one, other=USUAL_FOCAL_LENGTH):
+    """How far a focal length is from another, by default a usual one: 0 if the same."""
+    return abs(np.log(one / other))
+
+
 class Camera(NamedTuple):
     """How pixels are calibrated.
 

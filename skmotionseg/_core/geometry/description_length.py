@@ -115,16 +115,40 @@ class ClipGeometry:
             0 after the last of a pair.
         seen : ndarray of bool, shape (n_pairs, n_most)
         """
-        inside = np.zeros(self.seen.shape[1], dtype=bool)
-        inside[members] = True
-        chosen = np.flatnonzero(inside[self.track])
-        pair = self.pair[chosen]
-        counts = np.bincount(pair, minlength=len(self.seen))
-        place = np.arange(len(chosen)) - (np.cumsum(counts) - counts)[pair]
+        return self.of_groups([members])
+
+    def of_groups(self, groups):
+        """Observations of several groups of tracks, the pairs of each below the last's.
+
+        Parameters
+        ----------
+        groups : list of ndarray of int
+            At least one.
+
+        Returns
+        -------
+        x, y : ndarray of shape (n_groups * n_pairs, n_most, 2)
+            0 after the last of a pair.
+        seen : ndarray of bool, shape (n_groups * n_pairs, n_most)
+        """
+        n_pairs = len(self.seen)
+        own = [self._places_of(members) for members in groups]
+        row = np.concatenate(
+            [self.pair[some] + k * n_pairs for k, some in enumerate(own)]
+        )
+        chosen = np.concatenate(own)
+        counts = np.bincount(row, minlength=len(groups) * n_pairs)
+        place = np.arange(len(row)) - (np.cumsum(counts) - counts)[row]
         seen = np.arange(counts.max(initial=0)) < counts[:, None]
         x, y = np.zeros((2, *seen.shape, 2))
-        x[pair, place], y[pair, place] = self.x[chosen], self.y[chosen]
+        x[row, place], y[row, place] = self.x[chosen], self.y[chosen]
         return x, y, seen
+
+    def _places_of(self, members):
+        """Positions of the observations of some tracks."""
+        inside = np.zeros(self.seen.shape[1], dtype=bool)
+        inside[members] = True
+        return np.flatnonzero(inside[self.track])
 
 
 def clip_geometry(points, visibility):
@@ -242,8 +266,7 @@ def description_lengths(geometry, groups, lower_rank=nearest_rank_two):
     """
     lengths: dict[int, DescriptionLength] = {}
     for some in _batches([len(members) for members in groups], len(geometry.seen)):
-        observed = [geometry.of_group(groups[k]) for k in some]
-        x, y, seen = map(_stacked, zip(*observed, strict=True))
+        x, y, seen = geometry.of_groups([groups[k] for k in some])
         _, residuals = robust_fits(x, y, seen, lower_rank)
         by_group = (np.split(each, len(some)) for each in (residuals, seen))
         for k, errors, own in zip(some, *by_group, strict=True):
@@ -261,17 +284,6 @@ def _batches(sizes, n_pairs):
         some.append(k)
     if some:
         yield some
-
-
-def _stacked(arrays):
-    """Arrays (n_pairs, n, ...) of groups below each other, padded with zeros."""
-    most = max(array.shape[1] for array in arrays)
-    first = arrays[0]
-    shape = len(arrays), len(first), most, *first.shape[2:]
-    stacked = np.zeros(shape, first.dtype)
-    for each, array in zip(stacked, arrays, strict=True):
-        each[:, : array.shape[1]] = array
-    return np.concatenate(stacked)
 
 
 def shortest_length(geometry, residuals, seen, n_constraints, n_parameters):

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .camera import USUAL_FOCAL_LENGTH
+from .camera import log_ratio
 from .rigid_motion import nats_of_residuals
 from .tracks import covered
 from .windows import (
@@ -239,7 +239,7 @@ def _by_best_focal_length(points, visibility, shutter):
     """
     first, *others = (
         Windows(points, visibility, share)
-        for share in sorted(FOCAL_LENGTHS, key=_unusual)
+        for share in sorted(FOCAL_LENGTHS, key=log_ratio)
     )
     everyone = np.arange(len(points))
     (motion,) = first.fit([everyone], MOST_FITTED)
@@ -253,10 +253,6 @@ def _by_best_focal_length(points, visibility, shutter):
     if best is not usual:
         best = _half_of_one_motion(shutter, best.windows, best.motion)
     return best
-
-
-def _unusual(focal_length):
-    return abs(np.log(focal_length / USUAL_FOCAL_LENGTH))
 
 
 def _half_of_one_motion(shutter, windows, motion):

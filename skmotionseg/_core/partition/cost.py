@@ -59,8 +59,11 @@ class GroupLengths:
 
     def know(self, groups):
         """Compute what is not known of some groups, in common batches."""
-        new = {group.tobytes(): group for group in groups}
-        new = {key: group for key, group in new.items() if key not in self._known}
+        new = {
+            key: group
+            for group in groups
+            if (key := group.tobytes()) not in self._known
+        }
         found = description_lengths(self.geometry, list(new.values()), self.lower_rank)
         self._known.update(zip(new, found, strict=True))
 
@@ -130,8 +133,9 @@ class Judge:
 
     def costs(self, partitions):
         """Yield each partition with its cost, the groups of all fitted together."""
+        groups = [group for labels in partitions for group in groups_of(labels)]
         for each in self.lengths:
-            each.know([group for labels in partitions for group in groups_of(labels)])
+            each.know(groups)
         for labels in partitions:
             yield labels, self.cost(labels)
 

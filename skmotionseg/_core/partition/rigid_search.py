@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from ..geometry.camera import USUAL_FOCAL_LENGTH
+from ..geometry.camera import log_ratio
 from ..geometry.rigid_motion import nats_of_residuals
 from ..geometry.windows import (
     FEWEST_TRACKS,
@@ -189,7 +189,7 @@ class RigidSearch:
             if focal_length not in nats:
                 starts: list[tuple] = [()] * len(groups)
                 if motions is not None:
-                    nearest = min(fitted, key=partial(_log_ratio, focal_length))
+                    nearest = min(fitted, key=partial(log_ratio, focal_length))
                     ratio = nearest / focal_length
                     starts = [(m.refocused(ratio),) for m in fitted[nearest]]
                 new = self._by_focal_length(focal_length, groups, starts)
@@ -227,7 +227,7 @@ class RigidSearch:
         motions = self.windows.found(list(map(FitRequest, groups, starts)))
         costs = self.costs(motions)
         total = sum(costs[group, k].sum() for k, group in enumerate(groups))
-        unusual = _log_ratio(focal_length, USUAL_FOCAL_LENGTH)
+        unusual = log_ratio(focal_length)
         total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * unusual
         return total, motions
 
@@ -426,11 +426,6 @@ def _nats_of_labels(labels, n_groups):
     """Nats (M,) that each label tells, given the sizes of the groups."""
     sizes = np.maximum(np.bincount(labels, minlength=n_groups), 1)
     return np.log(len(labels) / sizes)
-
-
-def _log_ratio(one, other):
-    """How far two focal lengths are from each other: 0 if they are the same."""
-    return abs(np.log(one / other))
 
 
 def _energy_of(step):
