@@ -532,10 +532,20 @@ def _unit_norm(M):
     return M / np.linalg.norm(M, axis=(-2, -1), keepdims=True)
 
 
+# Entries of the two products of each minor of a matrix of three rows, of which the rows
+# and columns follow each other cyclically.
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+_FACTORS = tuple(
+    (3 * rows[:, None] + columns).ravel()
+    for rows, columns in ((_NEXT, _NEXT), (_LAST, _LAST), (_NEXT, _LAST), (_LAST, _NEXT))
+)
+
+
 def cofactors3(M):
     """Matrices of cofactors: row i is the cross product of the two rows after it."""
-    a, b = M[..., [1, 2, 0], :], M[..., [2, 0, 1], :]
-    return a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    entries = M.reshape(*M.shape[:-2], 9)
+    a, b, c, d = (entries.take(factor, axis=-1) for factor in _FACTORS)
+    return (a * b - c * d).reshape(M.shape)
 
 
 def _cross2(a, b):

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaln
@@ -181,6 +182,10 @@ class TwoViewMotions:
     def log_densities(self, views):
         """Log density of each point of the second image, (M, n), given the first."""
         across, along, _ = squared_distances(self.fundamental, self.affine, views)
+        return self.log_densities_at(across, along)
+
+    def log_densities_at(self, across, along):
+        """The same of points whose squared distances (M, n) are known."""
         return log_student(across, self.noise) + log_student(along, self.parallax)
 
     def with_mismatches(self, views):
@@ -227,7 +232,11 @@ def log_student(squares, scale, dimension=1):
     half = (FREEDOM + dimension) / 2
     constant = float(gammaln(half) - gammaln(FREEDOM / 2))
     constant -= dimension / 2 * np.log(FREEDOM * np.pi)
-    logarithms = np.log1p(squares * (1 / (FREEDOM * scale**2))[:, None])
+    # Not log1p, which is not vectorised and takes up to eight times as long: digits
+    # that the sum loses are of some 1e-16 nats, or 1e-7 in single precision.
+    logarithms = squares * (1 / (FREEDOM * scale**2))[:, None]
+    logarithms += 1
+    np.log(logarithms, out=logarithms)
     logarithms *= -half
     logarithms += (constant - dimension * np.log(scale))[:, None]
     return logarithms
@@ -257,13 +266,15 @@ def squared_distances(fundamental, affine, views):
     gradient : ndarray of shape (M, n)
         Squared gradient of the epipolar equation.
     """
-    lines, back = views.x @ fundamental.swapaxes(1, 2), views.y @ fundamental
-    normal = lines[..., 0] ** 2 + lines[..., 1] ** 2
-    gradient = normal + back[..., 0] ** 2 + back[..., 1] ** 2
+    x, y = views.x.T, views.y.T
+    # Coordinates before tracks: sums over two or three neighbours in memory are slow.
+    lines, back = fundamental @ x, fundamental.swapaxes(1, 2) @ y  # (M, 3, n)
+    normal = lines[:, 0] ** 2 + lines[:, 1] ** 2
+    gradient = normal + back[:, 0] ** 2 + back[:, 1] ** 2
     gradient = np.maximum(gradient, TINY)
-    across = (views.y * lines).sum(axis=2) ** 2 / gradient
-    gap = views.y[:, :2] - views.x @ affine
-    along = lines[..., 0] * gap[..., 1] - lines[..., 1] * gap[..., 0]
+    across = (y[0] * lines[:, 0] + y[1] * lines[:, 1] + lines[:, 2]) ** 2 / gradient
+    gap = y[:2] - affine.swapaxes(1, 2) @ x  # (M, 2, n)
+    along = lines[:, 0] * gap[:, 1] - lines[:, 1] * gap[:, 0]
     return across, along**2 / np.maximum(normal, TINY), gradient
 
 
@@ -293,17 +304,22 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
     """
     if before is None:
         before = _begin(views, shares)
-    affine, perspective = (
-        _step(views, shares, before, fit, n_unknowns, common_noise)
+    begun = _weighted(views, shares, before)
+    (affine, affine_distances), (perspective, perspective_distances) = (
+        _step(views, shares, begun, fit, n_unknowns, common_noise)
         for fit, n_unknowns in GEOMETRIES
     )
-    lengths = [
-        each.costs(views) - (shares * each.log_densities(views)).sum(axis=1)
-        for each in (affine, perspective)
-    ]
-    better = lengths[1] < lengths[0]
+    better = _lengths(views, shares, perspective, perspective_distances) < _lengths(
+        views, shares, affine, affine_distances
+    )
     better &= shares.sum(axis=1) >= FEWEST_FOR_PERSPECTIVE
     return affine.replaced(better, perspective)
+
+
+def _lengths(views, shares, motions, distances):
+    """Nats (M,) of motions, and of where their shares in the tracks are."""
+    places = (shares * motions.log_densities_at(*distances)).sum(axis=1)
+    return motions.costs(views) - places
 
 
 def fit_common_geometry(views, shares, before, rounds):
@@ -333,7 +349,8 @@ def fit_common_geometry(views, shares, before, rounds):
     for fit, n_unknowns in GEOMETRIES:
         motions = begin
         for _ in range(rounds):
-            motions = _step(views, shares, motions, fit, n_unknowns, False, _pooled)
+            begun = _weighted(views, shares, motions)
+            motions, _ = _step(views, shares, begun, fit, n_unknowns, False, _pooled)
         found.append(motions)
     return min(found, key=lambda motions: cost_of_surfaces(views, shares, motions))
 
@@ -369,26 +386,45 @@ def _pooled(rows):
     return rows.sum(axis=0, keepdims=True)
 
 
-def _step(views, shares, before, fit, n_unknowns, common_noise, pool=_each):
-    """Motions whose geometry is fitted by a function, from motions before."""
+class _Weighted(NamedTuple):
+    """What motions are fitted to: weights (M, n) and gradients (M, n) of the tracks.
+
+    And the maps (M, 3, 2) along the lines, which are the same for any geometry.
+    """
+
+    before: TwoViewMotions
+    weights: np.ndarray
+    gradient: np.ndarray
+    affine: np.ndarray
+
+
+def _weighted(views, shares, before):
+    """The tracks as motions weigh them."""
     across, along, gradient = squared_distances(
         before.fundamental, before.affine, views
     )
-    weights = pool(shares * _weights(across, before.noise))
+    weights = shares * _weights(across, before.noise)
+    affine = _maps(views, shares * _weights(along, before.parallax))
+    return _Weighted(before, weights, gradient, affine)
+
+
+def _step(views, shares, begun, fit, n_unknowns, common_noise, pool=_each):
+    """Motions whose geometry is fitted by a function, and squared distances (M, n)."""
+    before, affine = begun.before, begun.affine
+    weights = pool(begun.weights)
     # One geometry is fitted once: rows of a product of matrices that should be equal
     # need not be, to the last bit, on every processor.
-    fundamental = fit(views, weights, gradient[: len(weights)])
+    fundamental = fit(views, weights, begun.gradient[: len(weights)])
     fundamental = np.broadcast_to(fundamental, before.fundamental.shape)
-    affine = _maps(views, shares * _weights(along, before.parallax))
     across, along, _ = squared_distances(fundamental, affine, views)
-    weights = shares * _weights(across, before.noise)
-    squares = pool(weights * across)
+    squares = pool(shares * _weights(across, before.noise) * across)
     noise = _noise(views, pool(shares), squares, n_unknowns, common_noise)
     noise = np.broadcast_to(noise, len(shares))
-    along = _weights(along, before.parallax) * along
-    parallax = np.maximum(_parallax(views, shares, along), noise)
+    weighted = _weights(along, before.parallax) * along
+    parallax = np.maximum(_parallax(views, shares, weighted), noise)
     kinds = np.full(len(shares), n_unknowns)
-    return TwoViewMotions(fundamental, affine, noise, parallax, kinds)
+    motions = TwoViewMotions(fundamental, affine, noise, parallax, kinds)
+    return motions, (across, along)
 
 
 def _noise(views, shares, squares, n_unknowns, common_noise):

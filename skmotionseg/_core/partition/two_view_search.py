@@ -274,11 +274,12 @@ def _hypotheses(scene, tracks, rng):
 
 def _different(sets, most):
     """Positions of the first sets (n_sets, n) that share little with those before."""
+    counts = sets.astype(float)  # a product of integers is not left to the BLAS
+    shared, sizes = counts @ counts.T, counts.sum(axis=1)
+    alike = shared > SHARED * np.minimum(sizes, sizes[:, None])
     chosen: list[int] = []
-    for position, members in enumerate(sets):
-        shared = (sets[chosen] & members).sum(axis=1)
-        smaller = np.minimum(sets[chosen].sum(axis=1), members.sum())
-        if not (shared > SHARED * smaller).any():
+    for position in range(len(sets)):
+        if not alike[position, chosen].any():
             chosen.append(position)
         if len(chosen) == most:
             break
