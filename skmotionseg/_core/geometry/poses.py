@@ -32,13 +32,13 @@ class Poses(NamedTuple):
 
 def rotations_of(vectors):
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
-    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
+    angle = np.sqrt((vectors * vectors).sum(axis=-1))[..., None, None]
     small = angle < 1e-8
     safe = np.where(small, 1, angle)
     sine = np.where(small, 1, np.sin(safe) / safe)
     cosine = np.where(small, 0.5, (1 - np.cos(safe)) / safe**2)
     cross = np.zeros((*vectors.shape, 3))
-    x, y, z = np.moveaxis(vectors, -1, 0)
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
     cross[..., 0, 1], cross[..., 0, 2], cross[..., 1, 2] = -z, y, -x
     cross -= cross.swapaxes(-1, -2)
     return np.eye(3) + sine * cross + cosine * (cross @ cross)
@@ -115,9 +115,9 @@ def images_of(rays, depths, rotations, translations):
     distance : ndarray of shape (L, B, n)
         Along the optical axis.
     """
-    rows = np.moveaxis(rotations, -2, 0)[..., None, :]  # (3, L, B, 1, 3)
+    rows = rotations.transpose(2, 0, 1, 3)[..., None, :]  # (3, L, B, 1, 3)
     turned = (rows @ rays.swapaxes(0, 1))[..., 0, :]
-    points = turned + depths * np.moveaxis(translations, -1, 0)[..., None]
+    points = turned + depths * translations.transpose(2, 0, 1)[..., None]
     distance = kept_away(points[2])
     return points[:2] / distance, turned, distance
 
@@ -162,7 +162,7 @@ def normal_equations(rows, left):
     normal : ndarray of shape (L, B, 6, 6)
     right : ndarray of shape (L, B, 6, 1)
     """
-    rows = np.moveaxis(rows, 1, -2)  # (2, L, B, 6, n)
+    rows = rows.transpose(0, 2, 3, 1, 4)  # (2, L, B, 6, n)
     normal = rows @ rows.swapaxes(-1, -2)
     right = rows @ left[..., None]
     return normal[0] + normal[1], right[0] + right[1]
@@ -203,5 +203,6 @@ def lower_medians(values, counted):
     values = np.where(counted, values, np.inf)
     values.sort(axis=-1)
     middle = np.maximum(counted.sum(axis=-1) - 1, 0) // 2
-    middle = np.broadcast_to(middle, values.shape[:-1])[..., None]
-    return np.take_along_axis(values, middle, -1)[..., 0]
+    flat = values.reshape(-1, values.shape[-1])
+    middle = np.broadcast_to(middle, values.shape[:-1]).ravel()
+    return flat[np.arange(len(flat)), middle].reshape(values.shape[:-1])

@@ -65,7 +65,7 @@ class Problems(NamedTuple):
 
     def of(self, some):
         """Some of the problems, or all of them some times over."""
-        return Problems(*(each[..., some, :] for each in self))
+        return Problems(*(each.take(some, axis=-2) for each in self))
 
 
 class _State(NamedTuple):
@@ -82,16 +82,15 @@ class _State(NamedTuple):
 
     def of(self, some):
         """Of some of the problems."""
-        places = self._places(some)
-        return _State(*(each[at] for each, at in zip(self, places, strict=True)))
+        poses = [each.take(some, axis=1) for each in self[:2]]
+        return _State(*poses, *(each.take(some, axis=-2) for each in self[2:]))
 
     def replace(self, some, other):
         """Replace the states of some problems, in place."""
-        for old, new, at in zip(self, other, self._places(some), strict=True):
-            old[at] = new
-
-    def _places(self, some):
-        return [(slice(None), some)] * 2 + [(..., some, slice(None))] * 6
+        for old, new in zip(self[:2], other[:2], strict=True):
+            old[:, some] = new
+        for old, new in zip(self[2:], other[2:], strict=True):
+            old[..., some, :] = new
 
 
 def fit_rigid_motions(x, seen, weights, floor, reference, most_started=None):
@@ -195,7 +194,7 @@ def _to_infinity(places):
     Quadratic in the depth, each with its best ray: a Schur complement of the normal
     equations.
     """
-    a, b, c, d, e, f = np.moveaxis(places.normal, 1, 0)
+    a, b, c, d, e, f = places.normal.swapaxes(0, 1)
     minor = np.maximum(a * d - b * b, np.finfo(float).tiny)
     curvature = f - (c * c * d - 2 * b * c * e + e * e * a) / minor
     return places.points[:, 2] ** 2 * np.maximum(curvature, 0)
@@ -353,7 +352,7 @@ def _equations(P, image, weights):
     the products of P: (B, 6, n) or, of a fourth column, (B, 9, n).
     """
     pairs = PAIRS if P.shape[-1] == 4 else PAIRS[:, :6]
-    (a, b, c), (d, e, f) = np.moveaxis(P[..., pairs], (3, 2), (0, 1))  # (B, L, 9) each
+    (a, b, c), (d, e, f) = P[..., pairs].transpose(3, 2, 0, 1, 4)  # (B, L, 9) each
     factors = np.stack([a * d + b * e, -a * f - c * d, -b * f - c * e, c * f], axis=2)
     u, v = image[..., 0, :], image[..., 1, :]
     # Per frame and point: (..., L, 4, n).
@@ -378,10 +377,10 @@ def _image_of(points, P, x, seen):
 
 def _solve_points(matrix, right, damping):
     """Damped least squares for (B, 3, n)."""
-    a, b, c, d, e, f = np.moveaxis(matrix[:, :6], 1, 0)
+    a, b, c, d, e, f = matrix[:, :6].swapaxes(0, 1)
     more = damping * (a + d + f) + 1e-14
     matrix = a + more, b, c, d + more, e, f + more
-    return np.stack(solve_three(matrix, np.moveaxis(right, 1, 0)), axis=1)
+    return np.stack(solve_three(matrix, right.swapaxes(0, 1)), axis=1)
 
 
 def observed(x, seen, weights, floor, reference):
@@ -477,12 +476,14 @@ def _minimise(problems, state, iterations):
         new = _stepped(problems, state, scale, damping)
         change += _cost(problems, new, scale)
         better = change < 0
-        damping = np.clip(np.where(better, 0.2 * damping, 8 * damping), 1e-9, 1e6)
+        damping = np.where(better, 0.2 * damping, 8 * damping).clip(1e-9, 1e6)
+        better = np.flatnonzero(better)
         found.replace(left[better], new.of(better))
-        going = np.abs(change) >= CONVERGED
-        if not going.any():
+        going = np.flatnonzero(np.abs(change) >= CONVERGED)
+        if not len(going):
             break
-        left, damping, problems = left[going], damping[going], problems.of(going)
+        if len(going) < len(left):
+            left, damping, problems = left[going], damping[going], problems.of(going)
         state = found.of(left)
     return found
 
@@ -565,14 +566,14 @@ def _jacobians(problems, state, root):
     times a root of a weight per track."""
     factor = problems.seen * root / state.distance
     poses = image_derivatives(state.image, state.turned, state.depths, factor)
-    t = np.moveaxis(state.translations, -1, 0)[..., None]  # (3, L, B, 1)
+    t = state.translations.transpose(2, 0, 1)[..., None]  # (3, L, B, 1)
     return poses, (t[:2] - state.image * t[2]) * factor
 
 
 def _depths(problems, rotations, translations):
     """Inverse depths (B, n) of least algebraic error for given poses."""
     turned = images_of(problems.rays, 0, rotations, translations)[1]
-    t = np.moveaxis(translations, -1, 0)[..., None]  # (3, L, B, 1)
+    t = translations.transpose(2, 0, 1)[..., None]  # (3, L, B, 1)
     slope = (problems.x * t[2] - t[:2]) * problems.seen
     left = turned[:2] - problems.x * turned[2]
     return (slope * left).sum(axis=(0, 1)) / ((slope**2).sum(axis=(0, 1)) + 1e-12)

@@ -34,6 +34,8 @@ NEIGHBOURING = (8.0, 3.0)
 N_NEIGHBOURS = 8
 # Least squares for the rotation of each direction, with weights by the last one.
 SWEEPS = 4
+# Added to normal equations of three unknowns.
+REGULAR = 1e-9 * np.eye(3)
 # Gauss-Newton steps of resection.
 STEPS = 3
 
@@ -205,15 +207,16 @@ def _turns_for(directions, equations, both):
 
 def _robust_turns(rows, both, floor=1e-5):
     """Rotation vectors (B, D, 3) from equations (4, B, D, n), and median errors."""
-    matrices = np.moveaxis(rows, 0, 2)  # (B, D, 4, n)
+    matrices = rows.transpose(1, 2, 0, 3)  # (B, D, 4, n)
     counted, weights = both > 0, both  # (B, 1, n)
     turns = np.full((*rows.shape[1:3], 1, 4), -1.0)
     for _ in range(SWEEPS):
-        weighted = np.moveaxis(rows[:3] * weights, 0, 2)
+        weighted = (rows[:3] * weights).transpose(1, 2, 0, 3)
         normal = weighted @ matrices.swapaxes(-1, -2)  # (B, D, 3, 4)
-        matrix = np.moveaxis((normal[..., :3] + 1e-9 * np.eye(3))[UPPER], -1, 0)
-        found = solve_three(matrix, np.moveaxis(normal[..., 3], -1, 0))
-        turns[..., 0, :3] = np.stack(found, axis=-1)
+        matrix = (normal[..., :3] + REGULAR)[UPPER].transpose(2, 0, 1)
+        found = solve_three(matrix, normal[..., 3].transpose(2, 0, 1))
+        for axis, values in enumerate(found):
+            turns[..., 0, axis] = values
         errors = np.abs((turns @ matrices)[..., 0, :])
         medians = lower_medians(errors, counted)
         scale = 2 * np.where(np.isfinite(medians), np.maximum(medians, floor), 1)
