@@ -537,7 +537,12 @@ def _unit_norm(M):
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 _FACTORS = tuple(
     (3 * rows[:, None] + columns).ravel()
-    for rows, columns in ((_NEXT, _NEXT), (_LAST, _LAST), (_NEXT, _LAST), (_LAST, _NEXT))
+    for rows, columns in [
+        (_NEXT, _NEXT),
+        (_LAST, _LAST),
+        (_NEXT, _LAST),
+        (_LAST, _NEXT),
+    ]
 )
 
 
