@@ -28,7 +28,7 @@ from .motion_models import MOTION_MODELS
 EXPLAINING_MODELS = (("affine", 2, 6), ("homography", 2, 8), ("fundamental", 1, 7))
 # Where tracks move by little more than their noise, a free coordinate would cost no
 # more than a constrained one, and any model would do. So it costs at least a range well
-# above the noise: 16 pixels in a video of 640 x 480.
+# above the noise: about 6 pixels in a video of 640 x 480.
 LEAST_RANGE = 20 * NOISE_LEVELS[-1]
 # Directions in which tracks spread less than this share of their spread are none: a
 # line of tracks leaves open what happens beside it.
