@@ -258,7 +258,7 @@ class RigidSearch:
         return _terms(labels, self.costs(motions), linked)
 
     def settled(self, labels, motions=None, rounds=2):
-        """Assign tracks and fit motions in turn, for as long as that saves nats.
+        """Assign tracks and fit motions in turn, and keep what costs fewest nats.
 
         Parameters
         ----------
