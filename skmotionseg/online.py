@@ -66,7 +66,7 @@ class OnlineMotionSegmenter(BaseEstimator):
     keep_history : bool, default=True
         Whether labels of tracks that are out of view are kept, for :meth:`result` and
         for tracks that come back after more than twelve frames. That takes about a bit
-        per track; all else depends only on what is in view.
+        or two per track; all else depends only on what is in view.
     focal_length : float or None, default=None
         Focal length of the camera in pixels, if it is known. ``None`` means that it is
         estimated. Lens distortion is estimated in any case.

@@ -293,7 +293,7 @@ def make_motion_pipeline(
     Returns
     -------
     Pipeline
-        Steps "affinity", a :class:`~sklearn.pipeline.FeatureUnion` of views
+        Steps "affinity", a :class:`~skmotionseg.pipelines.ModelUnion` of views
         ``sampler`` - ``kernel``, and "cluster", an :class:`NCREModelSelector`. Keys of
         a grid are the same whether or not the number of motions is known:
         ``affinity__models`` (or ``affinity__affine="drop"``), ``cluster__fusion``,

@@ -130,13 +130,14 @@ estimator, default="description_length"
         motions is the largest whose motions are all more likely different than the
         same. Two images, where most tracks may be mismatches, are segmented by the
         densities of the points of the second along and across the epipolar lines of
-        each motion, by a description length of points, labels and motions together. In
-        other clips, the partition has the lowest sum of its description length, by a
-        fundamental matrix per motion and frame pair, and its weighted normalised cut.
-        The other rules select the number of motions by the graph alone: "ncre", the
-        paper's rule, by normalised cut and reconstruction error (see
-        :class:`NCREModelSelector`); "eigengap" and "self_tuning", with which the paper
-        compares it, by eigenvalues (:class:`EigengapModelSelector`) and by eigenvectors
+        each motion, by a description length of points, labels and motions together, and
+        unordered photographs by those of pairs of images. In other clips, the partition
+        has the lowest sum of its description length, by a fundamental matrix per motion
+        and frame pair, and its weighted normalised cut. The other rules select the
+        number of motions by the graph alone: "ncre", the paper's rule, by normalised
+        cut and reconstruction error (see :class:`NCREModelSelector`); "eigengap" and
+        "self_tuning", with which the paper compares it, by eigenvalues
+        (:class:`EigengapModelSelector`) and by eigenvectors
         (:class:`SelfTuningModelSelector`, which never selects 1). An estimator is
         fitted to the affinities of all models side by side, ``(n, n_models * n)``, and
         sets ``labels_``. If ``n_motions`` is given and the estimator has a parameter
@@ -152,8 +153,10 @@ estimator, default="description_length"
         ``selection="description_length"``; the other rules keep all tracks. Motions are
         fitted robustly. Their inliers have residuals within six standard deviations of
         the noise of the motion, which is at least a fifth of a pixel in an image of
-        640 x 480. Between two images, and in unordered photographs, a track is an
-        outlier if it is less likely to follow any motion than to be a mismatch.
+        640 x 480. Where rigid motions are compared, tracks are outliers, too, that none
+        of these explains and that do not go with their neighbours. Between two images,
+        and in unordered photographs, a track is an outlier if it is less likely to
+        follow any motion than to be a mismatch.
     focal_length : float or None, default=None
         Focal length of the camera in pixels, for rigid motions over windows of frames;
         the principal point is assumed to be the centre of the area that the tracks
@@ -211,7 +214,8 @@ estimator, default="description_length"
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
         Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
         in the first and y in the second frame, of unit norm. NaN where fewer than
-        eight tracks of the motion are seen.
+        eight tracks of the motion are seen (five in unordered photographs); between two
+        images, each motion has one.
     residuals_ : ndarray of shape (n_pairs, n_tracks), float32
         Sampson distance of each track from its own motion, in pixels. NaN where the
         pair does not see it, for tracks of no motion, and where there is no matrix.
@@ -227,9 +231,10 @@ estimator, default="description_length"
         For each number, two terms, such as the share of affinities between different
         motions and the nats per track, and their weighted sum. With
         ``selection="description_length"`` in clips of at least three frames and twelve
-        tracks, the number is chosen by ``log_odds_``, whatever the sums are. Otherwise
-        the number with the lowest sum is chosen; where partitions are compared by frame
-        pairs, only if each two of its motions gain from being separate.
+        tracks, the number is chosen by ``log_odds_``, whatever the sums are. Otherwise,
+        and in unordered photographs, the number with the lowest sum is chosen; where
+        partitions are compared by frame pairs, only if each two of its motions gain
+        from being separate.
     cost_names_ : (str, str)
         Names of the two terms.
     cost_weights_ : (float, float)
@@ -248,7 +253,7 @@ estimator, default="description_length"
         For each number, the log odds that the two most similar motions of its partition
         are two and not one; between two images, and in unordered photographs, that
         there are so many motions and not fewer. NaN where they are not computed: for
-        the fewest motions, for a given number, and where partitions are compared by
+        one motion; for the fewest, between images; and where partitions are compared by
         fundamental matrices of frame pairs (fewer than 12 tracks, or tracks seen in
         fewer than three frames of a window; in two images, fewer than 16 tracks).
     count_probabilities_ : ndarray of shape (n_counts,)

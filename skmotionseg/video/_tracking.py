@@ -228,8 +228,8 @@ def follow_points(
     """Track points through a video, and hand over each frame as it comes.
 
     The tracks are those of :func:`track_video`, but for the frames that it leaves out
-    where it sees later that a track had slid. Nothing is kept but the points of the
-    last frame, so a source may go on for as long as it likes.
+    where it sees later that a track had slid. Nothing is kept but the last frame, its
+    points and what was around them, so a source may go on for as long as it likes.
 
     Parameters
     ----------
