@@ -17,7 +17,7 @@ from skmotionseg.datasets import make_rigid_motions
 HERE = Path(__file__).parents[1] / "helpers"
 # What the estimators need, and need not pay for.
 EXTRAS = ("matplotlib", "cv2", "rich", "dask", "distributed", "pandas", "PIL")
-OURS = ("cli", "plotting", "video", "_bench", "_segment_command", "_dask", "datasets")
+OURS = ("cli", "plotting", "video", "_commands", "_parallel.dask", "datasets")
 
 
 def run(arguments, *, threads="1", **environment):
