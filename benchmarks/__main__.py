@@ -8,9 +8,9 @@ The commands:
     python -m benchmarks.figures                          those of all pages, from JSON
 
 ``benchmarks.floor``, ``.peers``, ``.growth``, ``.imports`` and ``.sensitivity`` run by
-themselves, with ``python -m``. With ``--json FILE`` what is measured is kept there, in a
-section of its own; rows that were there before are replaced, others stay. The imports
-are printed alone, and the growth is drawn of what the table has kept.
+themselves, with ``python -m``. With ``--json FILE`` figures are kept there, in a
+section of their own; rows that were there before are replaced, others stay. Those of
+the imports are printed alone, and the growth is drawn of what the table has kept.
 """
 
 from __future__ import annotations

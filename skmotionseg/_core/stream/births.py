@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..geometry.camera import REFERENCE_WIDTH
+from ..geometry.camera import LEAST_NOISE, REFERENCE_WIDTH
 from ..geometry.joint_depths import infinitely_far
 from .assignment import measure, noise_of
 
@@ -226,7 +226,7 @@ def is_at_infinity(window, scale, fit, groups):
 
 def _share(camera):
     """Calibrated units per width of the picture."""
-    return camera.noise * REFERENCE_WIDTH / 0.15
+    return camera.noise * REFERENCE_WIDTH / LEAST_NOISE
 
 
 def _neighbourhoods(points, rows, rng):
