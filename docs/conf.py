@@ -76,6 +76,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 1e6,
     "write_computation_times": False,
     "plot_gallery": "True",
+    "parallel": 2,  # examples at a time
     "image_srcset": ["2x"],
 }
 
