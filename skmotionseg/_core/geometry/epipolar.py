@@ -81,15 +81,11 @@ def cheapest_rank_two(inverse):
         step = (inverse @ slope[..., None])[..., 0]
         rate = (slope * step).sum(axis=1)
         # Below rounding, the rate is none, and the step must not overflow.
-        least = ROUNDING * _norms(slope) * _norms(step)
+        least = ROUNDING * np.linalg.norm(slope, axis=1) * np.linalg.norm(step, axis=1)
         rate = np.maximum(rate, np.maximum(least, np.finfo(float).tiny))
         f = f - (determinant / rate)[:, None] * step
-        f = f / _norms(f)[:, None]
+        f = f / np.linalg.norm(f, axis=1, keepdims=True)
     return rank_two(f.reshape(-1, 3, 3))
-
-
-def _norms(rows):
-    return np.sqrt(np.einsum("pi,pi->p", rows, rows))
 
 
 def robust_fits(x, y, seen, lower_rank=nearest_rank_two, trusted=None):

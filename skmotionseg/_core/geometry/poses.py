@@ -32,7 +32,7 @@ class Poses(NamedTuple):
 
 def rotations_of(vectors):
     """Rotation matrices (..., 3, 3) of rotation vectors (..., 3), by Rodrigues."""
-    angle = np.sqrt((vectors * vectors).sum(axis=-1))[..., None, None]
+    angle = np.linalg.norm(vectors, axis=-1)[..., None, None]
     small = angle < 1e-8
     safe = np.where(small, 1, angle)
     sine = np.where(small, 1, np.sin(safe) / safe)

@@ -82,15 +82,17 @@ class _State(NamedTuple):
 
     def of(self, some):
         """Of some of the problems."""
-        poses = [each.take(some, axis=1) for each in self[:2]]
-        return _State(*poses, *(each.take(some, axis=-2) for each in self[2:]))
+        found = zip(self, _AXES_OF_PROBLEMS, strict=True)
+        return _State(*(each.take(some, axis=axis) for each, axis in found))
 
     def replace(self, some, other):
         """Replace the states of some problems, in place."""
-        for old, new in zip(self[:2], other[:2], strict=True):
-            old[:, some] = new
-        for old, new in zip(self[2:], other[2:], strict=True):
-            old[..., some, :] = new
+        for old, new, axis in zip(self, other, _AXES_OF_PROBLEMS, strict=True):
+            old.swapaxes(0, axis)[some] = new.swapaxes(0, axis)
+
+
+# Of the parts of a state.
+_AXES_OF_PROBLEMS = 1, 1, *[-2] * 6
 
 
 def fit_rigid_motions(x, seen, weights, floor, reference, most_started=None):
@@ -477,8 +479,8 @@ def _minimise(problems, state, iterations):
         change += _cost(problems, new, scale)
         better = change < 0
         damping = np.where(better, 0.2 * damping, 8 * damping).clip(1e-9, 1e6)
-        better = np.flatnonzero(better)
-        found.replace(left[better], new.of(better))
+        some = np.flatnonzero(better)
+        found.replace(left[some], new.of(some))
         going = np.flatnonzero(np.abs(change) >= CONVERGED)
         if not len(going):
             break

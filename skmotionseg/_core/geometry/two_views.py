@@ -205,6 +205,10 @@ class TwoViewMotions:
             views, self.parallax
         )
 
+    def lengths(self, views, shares, log_densities):
+        """Nats (M,) of motions, and of where their shares (M, n) in the tracks are."""
+        return self.costs(views) - (shares * log_densities).sum(axis=1)
+
     def costs_of_geometry(self, views):
         """The part of them, (M,), that motions of one epipolar geometry pay once."""
         return self.n_unknowns * _known(views, self.noise)
@@ -232,8 +236,8 @@ def log_student(squares, scale, dimension=1):
     half = (FREEDOM + dimension) / 2
     constant = float(gammaln(half) - gammaln(FREEDOM / 2))
     constant -= dimension / 2 * np.log(FREEDOM * np.pi)
-    # Not log1p, which is not vectorised and takes up to eight times as long: digits
-    # that the sum loses are of some 1e-16 nats, or 1e-7 in single precision.
+    # Not log1p, which on many processors is not vectorised and takes up to eight times
+    # as long: digits that the sum loses are of 1e-16 nats, or 1e-7 in single precision.
     logarithms = squares * (1 / (FREEDOM * scale**2))[:, None]
     logarithms += 1
     np.log(logarithms, out=logarithms)
@@ -304,22 +308,19 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
     """
     if before is None:
         before = _begin(views, shares)
-    begun = _weighted(views, shares, before)
-    (affine, affine_distances), (perspective, perspective_distances) = (
-        _step(views, shares, begun, fit, n_unknowns, common_noise)
+    weighted = _weighted(views, shares, before)
+    found = [
+        _step(views, shares, weighted, fit, n_unknowns, common_noise)
         for fit, n_unknowns in GEOMETRIES
-    )
-    better = _lengths(views, shares, perspective, perspective_distances) < _lengths(
-        views, shares, affine, affine_distances
-    )
+    ]
+    lengths = [
+        each.lengths(views, shares, each.log_densities_at(*distances))
+        for each, distances in found
+    ]
+    (affine, _), (perspective, _) = found
+    better = lengths[1] < lengths[0]
     better &= shares.sum(axis=1) >= FEWEST_FOR_PERSPECTIVE
     return affine.replaced(better, perspective)
-
-
-def _lengths(views, shares, motions, distances):
-    """Nats (M,) of motions, and of where their shares in the tracks are."""
-    places = (shares * motions.log_densities_at(*distances)).sum(axis=1)
-    return motions.costs(views) - places
 
 
 def fit_common_geometry(views, shares, before, rounds):
@@ -349,8 +350,8 @@ def fit_common_geometry(views, shares, before, rounds):
     for fit, n_unknowns in GEOMETRIES:
         motions = begin
         for _ in range(rounds):
-            begun = _weighted(views, shares, motions)
-            motions, _ = _step(views, shares, begun, fit, n_unknowns, False, _pooled)
+            weighted = _weighted(views, shares, motions)
+            motions, _ = _step(views, shares, weighted, fit, n_unknowns, False, _pooled)
         found.append(motions)
     return min(found, key=lambda motions: cost_of_surfaces(views, shares, motions))
 
@@ -408,20 +409,20 @@ def _weighted(views, shares, before):
     return _Weighted(before, weights, gradient, affine)
 
 
-def _step(views, shares, begun, fit, n_unknowns, common_noise, pool=_each):
+def _step(views, shares, weighted, fit, n_unknowns, common_noise, pool=_each):
     """Motions whose geometry is fitted by a function, and squared distances (M, n)."""
-    before, affine = begun.before, begun.affine
-    weights = pool(begun.weights)
+    before, affine = weighted.before, weighted.affine
+    weights = pool(weighted.weights)
     # One geometry is fitted once: rows of a product of matrices that should be equal
     # need not be, to the last bit, on every processor.
-    fundamental = fit(views, weights, begun.gradient[: len(weights)])
+    fundamental = fit(views, weights, weighted.gradient[: len(weights)])
     fundamental = np.broadcast_to(fundamental, before.fundamental.shape)
     across, along, _ = squared_distances(fundamental, affine, views)
     squares = pool(shares * _weights(across, before.noise) * across)
     noise = _noise(views, pool(shares), squares, n_unknowns, common_noise)
     noise = np.broadcast_to(noise, len(shares))
-    weighted = _weights(along, before.parallax) * along
-    parallax = np.maximum(_parallax(views, shares, weighted), noise)
+    squares = _weights(along, before.parallax) * along
+    parallax = np.maximum(_parallax(views, shares, squares), noise)
     kinds = np.full(len(shares), n_unknowns)
     motions = TwoViewMotions(fundamental, affine, noise, parallax, kinds)
     return motions, (across, along)

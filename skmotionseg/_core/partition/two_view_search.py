@@ -195,10 +195,9 @@ class _Search:
         together = fit_two_view_motions(views, union)
         together = fit_two_view_motions(views, union, together)
         least = views.log_density_of_mismatches
-        joined = together.costs(views)
-        joined -= (union * np.maximum(together.log_densities(views), least)).sum(axis=1)
-        apart = motions.costs(views)
-        apart -= (of_motions * motions.log_densities(views)).sum(axis=1)
+        densities = np.maximum(together.log_densities(views), least)
+        joined = together.lengths(views, union, densities)
+        apart = motions.lengths(views, of_motions, motions.log_densities(views))
         order = np.argsort(joined - apart[i] - apart[j], kind="stable")
         for first, second in zip(i[order][:N_JOINED], j[order][:N_JOINED], strict=True):
             shares = found.shares.copy()
