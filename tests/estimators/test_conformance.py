@@ -93,14 +93,17 @@ CASES = {
     "NCREModelSelector": (OneViewNCRE(max_clusters=3), NOT_AFFINITIES),
     "EigengapModelSelector": (OneViewEigengap(max_clusters=3), NOT_AFFINITIES),
     "SelfTuningModelSelector": (OneViewSelfTuning(max_clusters=3), NOT_AFFINITIES),
-    "MotionSegmenter": (MotionSegmenter(**SMALL), NOT_TRACKS | {"check_clustering"}),
+    "MotionSegmenter": (
+        MotionSegmenter(max_motions=3, **SMALL),
+        NOT_TRACKS | {"check_clustering"},
+    ),
     # Of the two rules, the default one with the steps of a known number among its own.
     "MotionSegmenter, by NCRE, any matrix": (
         AnySegmenter(3, selection="ncre", **ENOUGH),
         set(),
     ),
     "MotionSegmenter, affine, count unknown, any matrix": (
-        AnySegmenter(models=("affine",), max_motions=4, **ENOUGH),
+        AnySegmenter(models=("affine",), max_motions=3, **ENOUGH),
         set(),
     ),
     "PerSequence": (PerSequence(MotionSegmenter(2, **SMALL)), NOT_SEQUENCES),
@@ -182,7 +185,12 @@ def test_transformers_name_their_columns(estimator, check):
 
 
 @pytest.mark.parametrize(
-    "estimator", [AnySampler(**SMALL), ORKKernel(n_hypotheses=1), AnySegmenter(**SMALL)]
+    "estimator",
+    [
+        AnySampler(**SMALL),
+        ORKKernel(n_hypotheses=1),
+        AnySegmenter(selection="ncre", **SMALL),
+    ],
 )
 def test_dataframe_columns_are_remembered(estimator):
     estimator_checks.check_dataframe_column_names_consistency(
