@@ -43,16 +43,19 @@ def kinds(events):
 
 @pytest.fixture(scope="module")
 def movie():
-    return film(n_frames=26, n_static=90, n_moving=40, life=22)
+    return film(n_frames=26, n_static=60, n_moving=30, life=22)
 
 
 @pytest.fixture(scope="module")
 def halves(movie):
-    """What playing the film gives, and its segmenter after twenty frames, pickled."""
-    table, events, segmenter = play(movie, frames=range(20))
-    half = pickle.dumps(segmenter)
-    later, more, _ = play(movie, segmenter, range(20, movie.n_frames))
-    return (np.concatenate([table[:20], later[20:]]), events + more, segmenter), half
+    """What playing the film gives, and its segmenter pickled on the way."""
+    table, events, pickles, segmenter = [], [], {}, None
+    for frame in range(movie.n_frames):
+        pickles[frame] = pickle.dumps(segmenter)
+        row, more, segmenter = play(movie, segmenter, [frame])
+        table.append(row[frame])
+        events += more
+    return (np.stack(table), events, segmenter), pickles
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +65,14 @@ def played(halves):
 
 @pytest.fixture(scope="module")
 def half(halves):
-    return halves[1]
+    """The segmenter after twenty frames; after two more it searches again."""
+    return halves[1][20]
+
+
+@pytest.fixture(scope="module")
+def searched(halves):
+    """The segmenter after 22 frames, none of the next ten of which is searched."""
+    return halves[1][22]
 
 
 def test_a_focal_length_that_is_given_is_kept(movie):
@@ -113,16 +123,16 @@ def test_newest_frame_is_kept(movie, played):
     assert_array_equal(segmenter.label_reasons_ == "assigned", table[last, ids] >= 0)
 
 
-def test_reasons_say_why_a_track_has_no_motion(movie, half):
+def test_reasons_say_why_a_track_has_no_motion(movie, searched):
     segmenter = OnlineMotionSegmenter(random_state=0)
     play(movie, segmenter, range(9))
     assert set(segmenter.label_reasons_) == {"no motions yet"}
     points, seen, _ = movie
-    lost = np.flatnonzero(seen[:, 14:24].all(axis=1))[0]
+    lost = np.flatnonzero(seen[:, 16:26].all(axis=1))[0]
     points = points.copy()
-    points[lost, 20:] += 40  # the tracker has gone to something else
-    segmenter = pickle.loads(half)
-    play(movie._replace(points=points), segmenter, range(20, 24))
+    points[lost, 22:] += 40  # the tracker has gone to something else
+    segmenter = pickle.loads(searched)
+    play(movie._replace(points=points), segmenter, range(22, 26))
     (at,) = np.flatnonzero(segmenter.track_ids_ == lost)
     assert segmenter.labels_[at] == -1
     assert segmenter.label_reasons_[at] == "outlier"
@@ -242,8 +252,8 @@ def test_frame_out_of_nowhere_is_survived(movie, half):
     assert ((table == movie.things) | (table == -2)).mean() > 0.97
 
 
-def test_after_a_cut_numbers_are_new_but_that_of_the_scene(half):
-    segmenter = pickle.loads(half)
+def test_after_a_cut_numbers_are_new_but_that_of_the_scene(searched):
+    segmenter = pickle.loads(searched)
     other = film(n_frames=12, seed=5)
     labels, events = [], []
     for frame in range(12):
