@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import re
 import subprocess
@@ -17,13 +18,29 @@ from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
-EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.py"))
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SEVERAL = Path(__file__).parents[1] / "helpers" / "several_scripts.py"
 
 
-def run(path, *arguments):
+def run(name, *arguments):
+    """What an example prints."""
+    return run_script(EXAMPLES / f"{name}.py", *arguments)
+
+
+def run_several(*commands):
+    """What each of some examples prints, all of them in one interpreter."""
+    commands = [
+        [str(EXAMPLES / f"{name}.py"), *map(str, arguments)]
+        for name, *arguments in commands
+    ]
+    return json.loads(run_script(SEVERAL, given=json.dumps(commands)))
+
+
+def run_script(path, *arguments, given=None):
     command = [sys.executable, "-W", "error", str(path), *arguments]
     result = subprocess.run(
         command,
+        input=given,
         capture_output=True,
         text=True,
         check=False,
@@ -43,17 +60,14 @@ def table_after(title, printed):
 
 
 swept_once = pytest.mark.xdist_group("sweep")  # by one of the workers
+tuned_once = pytest.mark.xdist_group("tuning")
+drawn_once = pytest.mark.xdist_group("figures")
 tracked_once = pytest.mark.xdist_group("trackers")
-
-
-def example(name):
-    (path,) = (path for path in EXAMPLES if path.stem == name)
-    return path
 
 
 @pytest.fixture(scope="module")
 def sweep():
-    return run(example("sweep"), "--quick")
+    return run("sweep", "--quick")
 
 
 @swept_once
@@ -94,40 +108,66 @@ def read_settings(folder):
         return list(csv.DictReader(file))
 
 
-def test_tuning_chooses_on_some_sequences_and_judges_on_others(tmp_path):
-    printed = run(example("tune"), "--quick", "--out", str(tmp_path))
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory):
+    """What tuning prints and its folder: of synthetic scenes, and of regions.
+
+    The masks of the regions are the synthetic truth around each point of the first
+    frame.
+    """
+    data = tmp_path_factory.mktemp("data")
+    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
+        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
+        home = data / "FBMS59" / part / f"scene{seed}"
+        image = np.full((720, 1280), 255, dtype=np.uint8)
+        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
+            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
+        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
+        write_tracks(home / "Tracks6.dat", X, y)
+    folders = {name: tmp_path_factory.mktemp(name) for name in ("scenes", "regions")}
+    printed = run_several(
+        ("tune", "--quick", "--out", folders["scenes"]),
+        ("tune", "--quick", "--out", folders["regions"], "--data", data),
+    )
+    return dict(zip(folders, zip(printed, folders.values(), strict=True), strict=True))
+
+
+@tuned_once
+def test_tuning_chooses_on_some_sequences_and_judges_on_others(tuned):
+    printed, folder = tuned["scenes"]
     assert "4 sequences to choose on, 2 to judge on" in printed
-    rows = read_settings(tmp_path)
+    rows = read_settings(folder)
     errors = [float(row["error (%)"]) for row in rows]
     assert len(rows) == 4
     assert errors == sorted(errors)
     best = re.search(r"best: delta (\S+), lam (\S+), models (\S+); error", printed)
     assert best.groups() == tuple(rows[0][name] for name in ("delta", "lam", "models"))
     assert re.search(r"on the test sequences: error \S+%", printed)
-    assert (tmp_path / "errors.png").stat().st_size > 5000
+    assert (folder / "errors.png").stat().st_size > 5000
 
 
-def test_tuning_scores_regions_by_the_f_measure(tmp_path):
-    """Masks that are the synthetic truth around each point of the first frame."""
-    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
-        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
-        home = tmp_path / "FBMS59" / part / f"scene{seed}"
-        image = np.full((720, 1280), 255, dtype=np.uint8)
-        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
-            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
-        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
-        write_tracks(home / "Tracks6.dat", X, y)
-    out = tmp_path / "out"
-    printed = run(
-        example("tune"), "--quick", "--data", str(tmp_path), "--out", str(out)
-    )
+@tuned_once
+def test_tuning_scores_regions_by_the_f_measure(tuned):
+    printed, folder = tuned["regions"]
     assert "2 sequences to choose on, 1 to judge on" in printed
     # Two rigid motions without noise of the tracker: nearly nothing is missed.
-    assert float(read_settings(out)[0]["error (%)"]) < 10
+    assert float(read_settings(folder)[0]["error (%)"]) < 10
 
 
-def test_figures_are_drawn(tmp_path):
-    printed = run(example("figures"), "--quick", "--out", str(tmp_path))
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory):
+    """What is printed of all figures and of one of them, and the folders of both."""
+    folders = [tmp_path_factory.mktemp(name) for name in ("all", "one")]
+    printed = run_several(
+        ("figures", "--quick", "--out", folders[0]),
+        ("figures", "--quick", "--out", folders[1], "--only", "method-costs"),
+    )
+    return list(zip(printed, folders, strict=True))
+
+
+@drawn_once
+def test_figures_are_drawn(drawn):
+    printed, folder = drawn[0]
     names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed, flags=re.M)
     assert names == [
         "method-motions",
@@ -141,14 +181,14 @@ def test_figures_are_drawn(tmp_path):
         "weights-subset",
         "errors",
     ]
-    assert all((tmp_path / f"{n}.png").stat().st_size > 5000 for n in names)
+    assert all((folder / f"{n}.png").stat().st_size > 5000 for n in names)
 
 
-def test_single_figures_are_drawn(tmp_path):
-    only = ["--only", "method-costs", "--out", str(tmp_path)]
-    printed = run(example("figures"), "--quick", *only)
+@drawn_once
+def test_single_figures_are_drawn(drawn):
+    printed, folder = drawn[1]
     assert re.findall(r"([\w-]+)\.png$", printed, flags=re.M) == ["method-costs"]
-    assert [path.name for path in tmp_path.iterdir()] == ["method-costs.png"]
+    assert [path.name for path in folder.iterdir()] == ["method-costs.png"]
 
 
 # --------------------------------------------------------------------- point trackers
@@ -156,10 +196,19 @@ def test_single_figures_are_drawn(tmp_path):
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """What each tracker's example prints, and the folder that CoTracker's writes to."""
-    folder = tmp_path_factory.mktemp("trackers") / "motions"
-    options = {"cotracker": ("--out", str(folder)), "tapir": ()}
-    return {name: run(example(name), *o) for name, o in options.items()}, folder
+    """What each tracker's example prints, and the folder that CoTracker's writes to.
+
+    And what is printed of a file of CoTracker's names, written by someone else.
+    """
+    folder = tmp_path_factory.mktemp("trackers")
+    X, _ = make_rigid_motions(38, 7, 2, missing=0, random_state=1)
+    points, visibility = unpack_tracks(X)
+    mine, motions = folder / "mine.npz", folder / "motions"
+    np.savez(mine, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
+    printed = run_several(
+        ("cotracker", "--out", motions), ("tapir",), ("cotracker", mine)
+    )
+    return dict(zip(("cotracker", "tapir", "mine"), printed, strict=True)), motions
 
 
 @tracked_once
@@ -182,19 +231,15 @@ def test_the_tracks_of_cotracker_come_back_by_motion(written):
     assert sizes == [int(n) for n in re.findall(r"motion \d: (\d+)", printed)]
 
 
-def test_a_file_of_ones_own(tmp_path):
-    """Of CoTracker's names, written by someone else."""
-    X, _ = make_rigid_motions(38, 7, 2, missing=0, random_state=1)
-    points, visibility = unpack_tracks(X)
-    path = tmp_path / "mine.npz"
-    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
-    assert "38 tracks in 7 frames" in run(example("cotracker"), str(path))
+@tracked_once
+def test_a_file_of_ones_own(written):
+    assert "38 tracks in 7 frames" in written[0]["mine"]
 
 
 @pytest.mark.xdist_group("dask")
 def test_many_sequences_are_segmented_on_a_cluster():
     pytest.importorskip("distributed", reason="dask's distributed is not installed")
-    printed = run(example("many_sequences_dask"), "--scenes", "2")
+    printed = run("many_sequences_dask", "--scenes", "2")
     assert "2 workers, 2 sequences at a time" in printed
     assert re.search(r"Done +2 out of +2", printed)
     _, header, *rows = printed[printed.index("\n\n") :].split("\n")[1:5]
