@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from helpers import fourth_model
 from helpers.own_models import SHIFT
 from helpers.scripts import run_limited
 from joblib import Memory
@@ -51,7 +52,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:Persisting input arguments")
 @pytest.fixture(scope="module")
 def scene():
     """A small and easy scene of three motions: (X, y)."""
-    return make_rigid_motions(90, 7, missing=0.1, noise=0.3, random_state=0)
+    return make_rigid_motions(60, 6, missing=0.1, noise=0.3, random_state=0)
 
 
 def whole(X):
@@ -99,11 +100,11 @@ def test_a_grid_over_the_segmenter(scene):
 
 def test_a_grid_over_the_count_of_the_segmenter(scene):
     grid = [
-        {"delta": [0, 0.2, 1], "max_motions": [2, 4], "models": SUBSETS},
+        {"delta": [0, 0.2], "max_motions": [2, 4], "models": SUBSETS[1:]},
         {"selection": ["description_length"], "max_motions": [4], "models": [ALL]},
     ]
     X, y = scene
-    found = search(MotionSegmenter(**PAPER), grid, X[::2, :6], y[::2])
+    found = search(MotionSegmenter(**PAPER), grid, X[:, :6], y)
     assert found.best_estimator_.n_motions_ <= found.best_params_["max_motions"]
 
 
@@ -177,14 +178,15 @@ def test_models_of_ones_own_have_hypotheses_of_their_own(scene):
     assert built_in.keys() == {*ALL, "clustering"}
 
 
-def test_another_built_in_model_changes_no_result_of_the_default():
-    before, after = (
-        run_limited("fourth_model.py", how, seconds=120) for how in ("as it is", "more")
-    )
-    assert before.returncode == after.returncode == 0, before.stderr + after.stderr
-    assert before.stderr.strip() == "unknown"
+def test_another_built_in_model_changes_no_result_of_the_default(capsys):
+    fourth_model.main("as it is")
+    printed, errors = capsys.readouterr()
+    assert errors.strip() == "unknown"
+    # The table must have it before anything that reads it is imported.
+    after = run_limited("fourth_model.py", "more", seconds=120)
+    assert after.returncode == 0, after.stderr
     assert after.stderr.strip() == "other affine"
-    assert before.stdout == after.stdout
+    assert after.stdout == printed
 
 
 # --------------------------------------------------------------------- many sequences
@@ -202,7 +204,7 @@ def sequences():
 
 def test_one_setting_for_many_sequences(sequences):
     grid = {
-        "estimator__models": SUBSETS,
+        "estimator__models": SUBSETS[1:],
         "estimator__lam": [1e-3, 1e-1],
         "estimator__kernel__sparsity": [3, 6],
     }
@@ -212,7 +214,7 @@ def test_one_setting_for_many_sequences(sequences):
     found = GridSearchCV(estimator, grid, cv=KFold(2), error_score="raise")
     found.fit(*sequences)
     scores = found.cv_results_["mean_test_score"]
-    assert len(scores) == 12
+    assert len(scores) == 8
     assert scores.max() > 0.9
     assert found.best_score_ == scores.max()
     assert [len(labels) for labels in found.predict(sequences[0])] == [50] * 4
@@ -226,7 +228,7 @@ def test_one_count_rule_for_many_sequences(sequences):
     estimator = PerSequence(MotionSegmenter(fusion="subset", max_motions=3, **PAPER))
     found = GridSearchCV(estimator, grid, cv=KFold(2), error_score="raise")
     X, y = sequences
-    X, y = [x[::2, :6] for x in X], [each[::2] for each in y]
+    X, y = [x[::2, :6] for x in X[:2]], [each[::2] for each in y[:2]]
     assert 0 < found.fit(X, y).best_score_ <= 1
 
 
@@ -311,9 +313,9 @@ def test_models_are_swept_from_the_same_three_branches(
     selection, scene, fits, tmp_path
 ):
     segmenter = MotionSegmenter(3, memory=str(tmp_path), selection=selection, **SMALL)
-    grid = [{"models": SUBSETS}, {"n_motions": [2]}, {"fusion": ["coreg", "subset"]}]
+    grid = [{"models": SUBSETS[:2]}, {"n_motions": [2]}, {"fusion": ["coreg"]}]
     X, y = scene
-    search(segmenter, grid, X[::3, :6], y[::3])
+    search(segmenter, grid, X[:, :6], y)
     assert fits == {"HypothesisSampler": 3, "ORKKernel": 3}
 
 
@@ -338,13 +340,13 @@ def test_a_sweep_over_the_kernel_draws_the_hypotheses_once(scene, fits, tmp_path
 
 @pytest.mark.parametrize("other", [{"random_state": 1}, {"n_hypotheses": 100}])
 def test_another_setting_is_not_taken_from_the_cache(scene, fits, tmp_path, other):
-    for params in (SMALL, SMALL | other):
-        MotionSegmenter(3, memory=str(tmp_path), **params).fit(scene[0][::3, :6])
+    for params in (PAPER, PAPER | other):
+        MotionSegmenter(3, memory=str(tmp_path), **params).fit(scene[0][:, :6])
     assert fits == {"HypothesisSampler": 6, "ORKKernel": 6}
 
 
 def test_the_cache_changes_no_label(scene, tmp_path):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     plain = MotionSegmenter(3, **SMALL).fit(X)
     for _ in range(2):  # computed, then read
         cached = MotionSegmenter(3, memory=str(tmp_path), **SMALL).fit(X)
@@ -400,7 +402,7 @@ def test_the_repr_makes_the_estimator(estimator):
     ids=["segmenter", "count unknown", "pipeline"],
 )
 def test_a_fitted_estimator_survives_pickling(estimator, scene):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     estimator = clone(estimator).fit(X)
     restored = pickle.loads(pickle.dumps(estimator))
     assert_array_equal(restored.predict(X), estimator.predict(X))
@@ -416,14 +418,13 @@ def test_a_fitted_estimator_survives_pickling(estimator, scene):
 def test_a_seed_gives_its_labels_with_any_number_of_workers(
     scene, n_motions, selection
 ):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     params = {"selection": selection, "max_motions": 4, **SMALL}
-    labels, again, shared = (
+    alone, shared = (
         MotionSegmenter(n_motions, n_jobs=n_jobs, **params).fit_predict(X)
-        for n_jobs in (1, 1, 2)
+        for n_jobs in (1, 2)
     )
-    assert_array_equal(labels, again)
-    assert_array_equal(labels, shared)
+    assert_array_equal(alone, shared)
 
 
 def test_another_seed_draws_other_hypotheses(scene):
@@ -441,7 +442,7 @@ def test_another_seed_draws_other_hypotheses(scene):
 
 
 def test_workers_change_no_label_of_the_pipeline(scene):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     alone, shared = (
         make_motion_pipeline(n_clusters=3, n_jobs=n_jobs, **SMALL).fit_predict(X)
         for n_jobs in (1, 2)
@@ -491,7 +492,7 @@ def test_held_out_tracks_get_their_motion(make, fusion):
 @every_selection
 @pytest.mark.parametrize("n_motions", [3, "auto"])
 def test_fitted_tracks_are_placed_where_they_were(scene, n_motions, selection):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     segmenter = MotionSegmenter(
         n_motions, max_motions=4, selection=selection, **SMALL
     ).fit(X)
@@ -517,7 +518,7 @@ def test_ncre_with_another_clusterer_keeps_the_contract_on_labels(scene):
 
 
 def test_the_order_of_models_does_not_matter(scene):
-    X = scene[0][::2, :6]
+    X = scene[0][:, :6]
     first = MotionSegmenter(3, models=ALL, fusion="subset", **SMALL).fit(X)
     other = MotionSegmenter(3, models=ALL[::-1], fusion="subset", **SMALL).fit(X)
     assert list(first.views_) == list(other.views_) == list(ALL)
@@ -559,8 +560,8 @@ def test_one_model_may_be_named_by_itself(scene):
 
 
 def test_limits_of_a_search_do_not_bind_a_known_count(scene):
-    segmenter = MotionSegmenter(3, min_motions=11, **SMALL)
-    assert segmenter.fit(scene[0][::2, :6]).n_motions_ == 3
+    segmenter = MotionSegmenter(3, min_motions=11, **PAPER)
+    assert segmenter.fit(scene[0][:, :6]).n_motions_ == 3
 
 
 def test_memory_may_be_a_path(scene, tmp_path):
