@@ -71,8 +71,10 @@ def dask(cluster):
 
 @pytest.fixture
 def doomed_dask(dask, cluster, monkeypatch):
-    """As ``dask``, for tasks that kill, of which earlier tests have left none."""
-    dask.restart(timeout=60)
+    """As ``dask``, for a task that kills each worker that it gets, and is given up.
+
+    One a test: when its error is there, none is left that kills workers of the next.
+    """
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 1)
     return dask
 
@@ -103,13 +105,12 @@ def assert_same(first, second):
         assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("n_motions", [3, "auto"])
-def test_models_are_fitted_on_the_cluster(n_motions, scene, dask, cluster, monkeypatch):
+def test_models_are_fitted_on_the_cluster(scene, dask, cluster, monkeypatch):
     monkeypatch.setattr(views, "TRACKS_PER_BATCH", 20)
     X, _ = scene
 
     def fit():
-        segmenter = MotionSegmenter(n_motions, max_motions=3, n_jobs=2, **SMALL)
+        segmenter = MotionSegmenter(max_motions=3, n_jobs=2, **SMALL)
         segmenter.fit(X[::2, :6])
         return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2, :6])
 
@@ -189,7 +190,7 @@ def test_workers_have_one_thread_each_while_they_work(sequences, dask):
     ids=["segmenter", "pipeline", "search"],
 )
 def test_models_of_ones_own_are_sent_to_workers(make, sequences, dask):
-    X, y = sequences
+    X, y = (each[:3] for each in sequences)
     there, here = [], []
     for by in (0, 0.5):
         models = [local_shift(by), "homography"]
@@ -234,7 +235,7 @@ def test_a_model_whose_worker_is_killed_is_fitted_again(scene, dask, tmp_path):
 def test_windows_of_a_worker_that_is_killed_are_segmented_again(
     dask, cluster, tmp_path
 ):
-    movie = film(n_frames=104, n_static=50, n_moving=25)
+    movie = film(n_frames=104, n_static=30, n_moving=15)
     X = pack_tracks(movie.points, movie.seen)[movie.seen.sum(axis=1) > 4]
     died = tmp_path / "died"
     here = os.getpid()
@@ -288,7 +289,7 @@ def test_a_search_that_kills_every_worker_ends(as_list, sequences, doomed_dask):
         X = of_objects
     search = GridSearchCV(
         PerSequence(Dies(MotionSegmenter(2, **QUICK), DOOMED)),
-        {"estimator__estimator__n_motions": [2, 3]},
+        {"estimator__estimator__n_motions": [2]},
         cv=KFold(2),
         error_score="raise",
     )
