@@ -134,7 +134,7 @@ def test_long_scene_is_seen_as_promised():
 
 
 def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tmp_path):
-    monkeypatch.setattr(table, "_load", lambda source, data: clips)
+    monkeypatch.setattr(table, "_load", lambda source, data: clips[:1])
     monkeypatch.setattr(
         table, "in_fresh_process", lambda function, *arguments: function(*arguments)
     )
@@ -306,7 +306,7 @@ def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
 
 def test_of_a_search_with_and_one_without_outliers_the_last_is_looked_at():
     scene = make_scene(
-        "planar", n_tracks=80, n_frames=5, n_motions=2, outliers=0.3, random_state=0
+        "planar", n_tracks=50, n_frames=5, n_motions=2, outliers=0.3, random_state=0
     )
     with rigid_searches() as searches:
         MotionSegmenter(2, random_state=0).fit(scene.data)
@@ -336,7 +336,7 @@ def test_static_scenes_are_judged(monkeypatch):
     assert not right and error > 0.05
 
     def make(n_moving, seed):
-        X, surfaces = static_scenes.street(60, n_moving=n_moving, seed=seed)
+        X, surfaces = static_scenes.street(45, n_moving=n_moving // 2, seed=seed)
         return X, (surfaces == static_scenes.MOVING).astype(int)
 
     monkeypatch.setattr(static_scenes, "scenes", lambda: {"small": make})
@@ -411,15 +411,12 @@ def _settings():
 
 
 def test_other_processes_see_the_value_too():
-    sequences = []
-    for seed in range(2):
-        X, y = make_rigid_motions(60, 5, 2, random_state=seed)
-        clip = Bunch(data=X, target=y, name=f"scene {seed}")
-        sequences.append(("KT3DMoSeg", clip))
+    X, y = make_rigid_motions(60, 5, 2, random_state=0)
+    sequences = [("KT3DMoSeg", Bunch(data=X, target=y, name="scene"))]
     settings = _settings()[:2]
     rows = sensitivity.make_sensitivity(sequences, settings, seeds=1, n_jobs=2)
     right = {row["row"]: row["KT3DMoSeg"]["count_right"] for row in rows}
-    assert right["as it is"] > 0
+    assert right["as it is"] == 100
     assert right["no gain is enough"] == 0
 
 

@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 from contextlib import redirect_stdout
+from functools import partial
 
 import numpy as np
 import pytest
@@ -121,6 +122,8 @@ class LargestMotionOnly(MotionSegmenter):
 
 
 def test_a_seed_gives_its_demo(run, tmp_path, monkeypatch):
+    small = partial(make_rigid_motions, 60, 5)
+    monkeypatch.setattr("skmotionseg.datasets.make_rigid_motions", small)
     monkeypatch.setattr("skmotionseg.segmentation.MotionSegmenter", LargestMotionOnly)
     pictures = [tmp_path / name for name in ("first.png", "again.png", "other.png")]
     for picture, seed in zip(pictures, (3, 3, 4), strict=True):
@@ -503,7 +506,7 @@ def fbms(tmp_path):
 
 def test_bench_scores_regions(run, fbms, tmp_path):
     out = tmp_path / "records.json"
-    methods = ("--methods", "homography", "default", "--seeds", 2)
+    methods = ("--methods", "homography", "affine", "--seeds", 2)
     bench = ("bench", "--data", fbms, "--jobs", 1, *methods, "--json", out)
     code, printed, errors = run(*bench, "--datasets", "FBMS59")
     assert code == 0
@@ -529,9 +532,9 @@ def test_bench_scores_regions(run, fbms, tmp_path):
         figures = [
             100 * record[name]
             for record in records
-            if record["set"] == "Trainingset" and record["method"] == "default"
+            if record["set"] == "Trainingset" and record["method"] == "affine"
         ]
-        row = next(line for line in table.splitlines() if "│ default " in line)
+        row = next(line for line in table.splitlines() if "│ affine " in line)
         cells = row.strip("│").split("│")
         assert cells[column + 1].strip() == f"{np.mean(figures):.2f}"
 
@@ -759,7 +762,7 @@ def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
     ]
     file = tmp_path / "clip.csv"
     file.write_text("\n".join(["track,frame,x,y", *rows]))
-    code, _, _ = run("segment", file, "--motions", 3, "--out", tmp_path / "out.csv")
+    code, _, _ = run("segment", file, *BY_GRAPH, "--out", tmp_path / "out.csv")
     assert code == 0
     names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
     assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))
