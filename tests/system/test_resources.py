@@ -16,7 +16,10 @@ from skmotionseg.datasets import make_rigid_motions
 
 HERE = Path(__file__).parents[1] / "helpers"
 # What the estimators need, and need not pay for.
-EXTRAS = ("matplotlib", "cv2", "rich", "dask", "distributed", "pandas", "PIL")
+EXTRAS = (
+    *("matplotlib", "PIL", "cv2", "skimage"),
+    *("rich", "dask", "distributed", "pandas"),
+)
 OURS = ("cli", "plotting", "video", "_commands", "_parallel.dask", "datasets")
 
 
@@ -120,7 +123,7 @@ from skmotionseg import datasets
 datasets.make_rigid_motions = partial(datasets.make_rigid_motions, 36, 3)  # not 400
 run("demo", "--out", "demo.png")
 run("segment", "tracks.npz", "--render", "motions.png", "--out", "labels.csv")
-options = ("--data", "data", "--methods", "default", "--seeds", "1", "--jobs", "1")
+options = ("--data", "data", "--methods", "affine", "--seeds", "1", "--jobs", "1")
 run("bench", *options, "--resume", "journal")
 try:
     import cv2
