@@ -113,7 +113,7 @@ def test_bench_scores_videos_from_their_frames_alone(davis, bms, tmp_path, capsy
     data.mkdir()
     (data / "DAVIS16").symlink_to(davis)
     (data / "BMS26").symlink_to(bms)
-    options = ["--data", str(data), "--methods", "default", "--jobs", "1"]
+    options = ["--data", str(data), "--methods", "homography", "--jobs", "1"]
     options += ["--datasets", "DAVIS16", "BMS26", "--seeds", "1", "--json", str(out)]
     assert main(["bench", *options]) == 0
     printed = capsys.readouterr().out
