@@ -108,18 +108,11 @@ def test_native_pools_are_at_one_thread(engine, sequences):
     assert {size for _, *sizes in reports for size in sizes} == {1}
 
 
-@every_engine
-def test_a_sequence_that_fails_is_named(engine, sequences):
-    X = [*sequences[0], np.ones((30, 9))]
-    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
-    with pytest.raises(ValueError, match="got 9 columns") as caught:
-        with_engine(engine, lambda: estimator.predict(X))
-    assert "while segmenting sequence 3" in caught.value.__notes__
-
-
 def test_results_come_in_the_order_of_the_tasks():
     tasks = [Task("squaring", pow, number, 2) for number in range(20)]
-    assert run_tasks(iter(tasks), n_jobs=2) == [number**2 for number in range(20)]
+    assert run_tasks(iter(tasks), n_jobs=2, prefer="threads") == [
+        number**2 for number in range(20)
+    ]
 
 
 # -------------------------------------------------------------- models of one's own
@@ -173,3 +166,13 @@ def test_a_pickle_brings_models_along(scene, tmp_path):
     restored = pickle.loads(pickle.dumps(segmenter))
     assert restored.models[0] == SHIFT
     assert_array_equal(restored.predict(X[1::2]), segmenter.predict(X[1::2]))
+
+
+# The last one, after which joblib has to start its workers anew.
+@every_engine
+def test_a_sequence_that_fails_is_named(engine, sequences):
+    X = [*sequences[0], np.ones((30, 9))]
+    estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
+    with pytest.raises(ValueError, match="got 9 columns") as caught:
+        with_engine(engine, lambda: estimator.predict(X))
+    assert "while segmenting sequence 3" in caught.value.__notes__

@@ -446,6 +446,10 @@ def test_objects_of_a_video(tracked):
 # ---------------------------------------------------------------------------- command
 
 
+# How a partition is chosen is not what tests of files are about.
+BY_GRAPH = ("--motions", 2, "--selection", "ncre")
+
+
 @pytest.fixture(scope="module")
 def folder(frames, tmp_path_factory):
     home = tmp_path_factory.mktemp("frames")
@@ -517,7 +521,7 @@ def test_scenes_before_and_after_a_cut_are_static():
 @pytest.mark.filterwarnings("default:.*more pictures than")
 def test_segment_takes_every_other_frame(folder, tmp_path, capsys):
     masks = tmp_path / "masks"
-    options = ["--masks", masks, "--stride", 2, "--motions", 2, "--jobs", 1]
+    options = ["--masks", masks, "--stride", 2, *BY_GRAPH, "--jobs", 1]
     assert main(["segment", str(folder), *map(str, options)]) == 0
     names = [f"im{number}.png" for number in range(0, N_FRAMES, 2)]
     assert sorted(path.name for path in masks.iterdir()) == names
@@ -545,7 +549,7 @@ def test_labels_are_there_if_pictures_fail(folder, tmp_path, capsys, monkeypatch
 
     monkeypatch.setattr("skmotionseg._commands.segment.draw", broken)
     out = tmp_path / "labels.csv"
-    options = ["--out", out, "--render", tmp_path / "x.png", "--motions", 2]
+    options = ["--out", out, "--render", tmp_path / "x.png", *BY_GRAPH]
     assert main(["segment", str(folder), *map(str, options)]) == 2
     assert "no room" in capsys.readouterr().err
     assert out.exists()
