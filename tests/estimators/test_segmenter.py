@@ -78,7 +78,7 @@ def test_three_motions_are_found_with_their_number_unknown():
     Only the links that they do not have tell those apart.
     """
     for seed in range(6):
-        X, y = make_rigid_motions(n_tracks=120, n_frames=8, random_state=seed)
+        X, y = make_rigid_motions(n_tracks=200, n_frames=8, random_state=seed)
         segmenter = MotionSegmenter(n_hypotheses=200, random_state=seed).fit(X)
         assert segmenter.n_motions_ == 3, seed
         assert misclassification_error(y, segmenter.labels_) < 0.01

@@ -110,9 +110,7 @@ def test_native_pools_are_at_one_thread(engine, sequences):
 
 def test_results_come_in_the_order_of_the_tasks():
     tasks = [Task("squaring", pow, number, 2) for number in range(20)]
-    assert run_tasks(iter(tasks), n_jobs=2, prefer="threads") == [
-        number**2 for number in range(20)
-    ]
+    assert run_tasks(iter(tasks), n_jobs=2) == [number**2 for number in range(20)]
 
 
 # -------------------------------------------------------------- models of one's own

@@ -240,10 +240,10 @@ def test_a_killed_run_goes_on(file, table, tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatch):
     written = {}
-    for name, longest in (("whole", 500), ("blocks", 25)):
+    for name, longest in (("whole", 500), ("blocks", 50)):
         monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", longest)
         masks, static = tmp_path / name, tmp_path / f"{name} static"
-        options = ("--masks", masks, "--static-masks", static, "--max-frames", 30)
+        options = ("--masks", masks, "--static-masks", static, "--max-frames", 60)
         with monkeypatch.context() as patched:
             if name == "blocks":
                 patched.setattr(StoredClip, "matrix", None)  # nothing of its size
@@ -252,7 +252,7 @@ def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatc
             [path.read_bytes() for path in sorted(folder.iterdir())]
             for folder in (masks, static)
         ]
-        assert [len(files) for files in written[name]] == [30, 30]
+        assert [len(files) for files in written[name]] == [60, 60]
     assert written["whole"] == written["blocks"]
 
 
