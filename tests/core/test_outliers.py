@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from skmotionseg import unpack_tracks
+from benchmarks.wrong_tracks import with_walks
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core.geometry.coverage import Neighbours
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.outliers import (
     FEWEST_DEVIATIONS,
@@ -20,6 +22,7 @@ from skmotionseg._core.partition.outliers import (
     outlier_limit,
 )
 from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
 
 
 @pytest.fixture(scope="module")
@@ -94,17 +97,72 @@ def test_tracks_seen_in_no_window_are_not_judged(clip, found):
 
 def test_residuals_of_one_kind_have_no_outliers():
     residuals = np.random.default_rng(0).lognormal(0, 1.2, 400)
-    assert (residuals > outlier_limit(residuals, 1000.0)).mean() < 0.005
+    assert (residuals > outlier_limit(residuals)).mean() < 0.005
 
 
 def test_residuals_far_from_all_others_are_of_outliers():
     rng = np.random.default_rng(0)
     residuals = np.r_[rng.lognormal(0, 0.5, 300), rng.uniform(30, 500, 60)]
-    limit = outlier_limit(residuals, 1000.0)
+    limit = outlier_limit(residuals)
     assert limit >= FEWEST_DEVIATIONS
     assert_array_equal(residuals > limit, np.arange(360) >= 300)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.6])
+def test_outliers_may_be_many(share):
+    """The spread of all residuals is then wide, and says that none of them is far."""
+    rng = np.random.default_rng(0)
+    n = int(400 * share)
+    residuals = np.r_[rng.lognormal(-0.7, 0.8, 400 - n), rng.lognormal(3.3, 0.6, n)]
+    is_outlier = np.arange(400) >= 400 - n
+    found = residuals > outlier_limit(residuals)
+    assert found[is_outlier].mean() > 0.9
+    assert not found[~is_outlier].any()
+
+
+def test_outliers_are_no_usual_neighbours():
+    """Tracks that go anywhere are remote however many of them there are."""
+    rng = np.random.default_rng(0)
+    steps = np.where(np.arange(200)[:, None, None] < 100, 0.02, 3.0)
+    moves = 2 + steps * rng.standard_normal((200, 12, 2))
+    points = rng.uniform(0, 300, (200, 1, 2)) + moves.cumsum(axis=1)
+    visibility = np.ones((200, 12), dtype=bool)
+    remoteness = Neighbours(points, visibility).remoteness(points, visibility)
+    assert np.mean(remoteness[100:] > REMOTE) > 0.9
+    assert np.mean(remoteness[:100] > REMOTE) < 0.1
+
+
+def test_limit_is_that_of_all_tracks(clip, found):
+    """Where outliers were left out, those that are left say nothing of them."""
+    points, visibility, y = clip
+    inliers = found[0].of(points[y >= 0], visibility[y >= 0])
+    outliers = RigidOutliers.of(inliers, inliers.motions_again(found[1]))
+    again = outliers.among(points, visibility)
+    assert again.limit < outliers.limit
+    outside = again.outside(points, visibility)
+    assert outside[y < 0].mean() > 0.5 and not outside[y >= 0].any()
+
+
+def test_more_are_doubtful_than_are_outliers(clip, found):
+    points, visibility, y = clip
+    outside = found[-1].outside(points, visibility)
+    doubtful = found[-1].doubtful(points, visibility)
+    assert doubtful[outside].all()
+    assert doubtful.sum() > outside.sum()
+    assert doubtful[y >= 0].mean() < 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_motions_are_found_among_many_walks(seed):
+    """Two fifths of the tracks go anywhere: they make no motion, and belong to none."""
+    clip = make_rigid_motions(140, 12, 3, random_state=seed)
+    X, y = with_walks(*clip, 0.42, seed)
+    segmenter = MotionSegmenter(random_state=seed).fit(X)
+    assert segmenter.n_motions_ == 3
+    assert misclassification_error(y[:140], segmenter.labels_[:140]) < 0.05
+    assert np.mean(segmenter.labels_[140:] < 0) > 0.9
+
+
 @pytest.mark.parametrize("residuals", [[], [0.0], [0.0] * 50, [1.0] * 50])
 def test_there_need_be_no_outliers(residuals):
-    assert not (np.array(residuals) > outlier_limit(np.array(residuals), 100.0)).any()
+    assert not (np.array(residuals) > outlier_limit(np.array(residuals))).any()

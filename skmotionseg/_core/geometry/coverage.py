@@ -25,6 +25,10 @@ NEVER_MET = 100.0
 LEAST_DISTANCE = 1e-6
 # Which neighbour says how far a track is from others.
 NEIGHBOUR = 3
+# Distances from neighbours of the quarter of the tracks that have the least, and so
+# many times these at most is what neighbours are compared with: outliers, where they
+# are many, have each other as neighbours.
+NEAREST, MOST_TIMES = 0.25, 4.0
 
 
 def draw_covering(points, visibility, n_landmarks, random_state):
@@ -120,12 +124,18 @@ class Neighbours:
     def __init__(self, points, visibility):
         self._scaling = _scaling(points, visibility)
         self._channels = _scaled(points, visibility, self._scaling)
+        usual = self._usual(np.arange(len(points)))
+        usual = usual[np.isfinite(usual)]
+        self._most = (
+            MOST_TIMES**2 * np.quantile(usual, NEAREST) if len(usual) else np.inf
+        )
 
     def remoteness(self, points, visibility):
         """How much farther tracks are from their neighbours than these are from theirs.
 
         The local outlier factor (Breunig et al. 2000) of the third neighbour, in place
-        and displacement.
+        and displacement; what is usual there is three times what it is for the nearest
+        quarter of all, at most.
 
         Parameters
         ----------
@@ -144,7 +154,7 @@ class Neighbours:
         squared[squared < LEAST_DISTANCE] = np.inf
         distance, neighbour = _kth(squared)
         near, which = np.unique(neighbour, return_inverse=True)
-        usual = np.maximum(self._usual(near)[which], LEAST_DISTANCE)
+        usual = np.clip(self._usual(near)[which], LEAST_DISTANCE, self._most)
         farther = np.full(len(distance), np.inf)
         np.divide(distance, usual, out=farther, where=np.isfinite(distance))
         return np.sqrt(farther)

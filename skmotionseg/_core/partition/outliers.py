@@ -2,20 +2,21 @@
 
 How far tracks are from the rigid motion of their group differs from video to video:
 some trackers drift, some groups bend. So what is far is decided by all tracks of a
-clip, as a mixture of two: residuals of inliers, whose logarithms are normally
-distributed, and of outliers, which may be anything up to the size of the image. A track
+clip, as a mixture of two normal distributions of the logarithms of residuals. A track
 that goes with its neighbours is none, however badly it is explained: people and
 animals are not rigid.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.mixture import GaussianMixture
 
 from ..geometry.coverage import Neighbours
-from ..geometry.description_length import OF_MEDIAN
 from ..geometry.windows import Windows
 
 # Probability of being an outlier from which on a residual is one of an outlier, and the
@@ -29,11 +30,12 @@ FEWEST_DEVIATIONS = 8.0
 # trackers are right, half as many are taken for outliers.
 REMOTE = 1.5
 STRANGE = 48.0
-# Iterations of the mixture, the least spread of logarithms, and the largest share of
-# outliers.
-ITERATIONS = 60
+# Shares of the tracks that are inliers by the mixture to begin with, and the standard
+# deviation of logarithms that is added to both distributions.
+BEGINNINGS = (0.8, 0.55, 0.3)
 LEAST_SPREAD = 0.15
-MOST_OUTLIERS = 0.6
+# Tracks that a mixture is fitted to, at least.
+FEWEST_TOLD = 5
 # Residuals below this share of the least noise are as good as none.
 LEAST_RESIDUAL = 0.02
 
@@ -61,12 +63,25 @@ class RigidOutliers:
     @classmethod
     def of(cls, windows, motions):
         """Those of motions that were found."""
-        residuals, scale = least_residuals(windows, motions), windows.least_noise
-        # What tracks cover is the inverse of the focal length across.
-        largest = 1 / (windows.focal_length * scale)
-        limit = outlier_limit(residuals[np.isfinite(residuals)] / scale, largest)
+        limit = _limit_in(windows, motions)
         neighbours = Neighbours(windows.points, windows.visibility)
-        return cls(windows, motions, scale * limit, neighbours)
+        return cls(windows, motions, limit, neighbours)
+
+    def among(self, points, visibility):
+        """The same, its limit being that of more tracks than were searched.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+
+        Returns
+        -------
+        RigidOutliers
+        """
+        windows = self.windows.of(points, visibility)
+        limit = _limit_in(windows, windows.motions_again(self.motions))
+        return replace(self, limit=limit)
 
     def outside(self, points, visibility):
         """Which tracks (n,) are outliers.
@@ -80,13 +95,37 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
+        return self._lost(points, visibility, STRANGE)
+
+    def doubtful(self, points, visibility):
+        """Which tracks (n,) may be outliers: how strange they are is left open.
+
+        Parameters
+        ----------
+        points, visibility
+            As for :meth:`outside`.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
+        return self._lost(points, visibility, 0.0)
+
+    def _lost(self, points, visibility, strange):
         windows = self.windows.of(points, visibility)
         residuals = least_residuals(windows, windows.motions_again(self.motions))
         far = np.isfinite(residuals) & (residuals > self.limit)
         remoteness = self.neighbours.remoteness(points[far], visibility[far])
-        strange = residuals[far] * remoteness > STRANGE * self.windows.least_noise
-        far[far] = strange & (remoteness > REMOTE)
+        enough = residuals[far] * remoteness > strange * self.windows.least_noise
+        far[far] = enough & (remoteness > REMOTE)
         return far
+
+
+def _limit_in(windows, motions):
+    """The limit of the tracks of some windows, in calibrated coordinates."""
+    residuals = least_residuals(windows, motions)
+    known = residuals[np.isfinite(residuals)]
+    return windows.least_noise * outlier_limit(known / windows.least_noise)
 
 
 def least_residuals(windows, motions):
@@ -110,49 +149,63 @@ def least_residuals(windows, motions):
     return least
 
 
-def outlier_limit(residuals, largest):
+def outlier_limit(residuals):
     """The residual above which tracks are surely outliers.
 
     Parameters
     ----------
     residuals : ndarray of shape (n,)
         In standard deviations of the least noise.
-    largest : float
-        That there can be.
 
     Returns
     -------
     float
         Infinite if there are no outliers.
     """
-    x = np.log(np.clip(residuals, LEAST_RESIDUAL, largest))
-    if not len(x):
+    x = np.log(np.maximum(residuals, LEAST_RESIDUAL))
+    mixture = _mixture(x[:, None])
+    if mixture is None:
         return np.inf
-    probabilities, centre = _outlier_probabilities(x, np.log(largest))
-    least = x[(probabilities > SURELY) & (x > centre)].min(initial=np.inf)
+    near, far = np.argsort(mixture.means_[:, 0])
+    probabilities = mixture.predict_proba(x[:, None])[:, far]
+    sure = (probabilities > SURELY) & (x > mixture.means_[near, 0])
+    least = x[sure].min(initial=np.inf)
     # Halfway to the largest of the others, so that rounding decides nothing.
     limit = np.exp((least + x[x < least].max()) / 2)
     return max(float(limit), FEWEST_DEVIATIONS)
 
 
-def _outlier_probabilities(x, largest):
-    """Of logarithms being those of outliers (n,), and the centre of the others.
+def _mixture(x):
+    """Two normal distributions that explain values (n, 1) better than one, or None.
 
-    Expectation maximisation of a normal distribution and one that is uniform from its
-    centre to the largest.
+    By the Bayesian information criterion. Where nearly half are outliers, expectation
+    maximisation from the spread of all ends at one that is wide; so it begins with
+    several shares of them.
     """
-    centre = np.median(x)
-    spread = max(OF_MEDIAN * np.median(np.abs(x - centre)), LEAST_SPREAD)
-    share = 0.1
-    for _ in range(ITERATIONS):
-        normal = np.exp(-0.5 * ((x - centre) / spread) ** 2) / (
-            spread * np.sqrt(2 * np.pi)
-        )
-        uniform = (x > centre) / max(largest - centre, LEAST_SPREAD)
-        odd = share * uniform
-        odd = odd / (odd + (1 - share) * normal + np.finfo(float).tiny)
-        total = max((1 - odd).sum(), 1e-9)
-        centre = ((1 - odd) * x).sum() / total
-        spread = np.sqrt(((1 - odd) * (x - centre) ** 2).sum() / total)
-        spread, share = max(spread, LEAST_SPREAD), min(odd.mean(), MOST_OUTLIERS)
-    return odd, centre
+    if len(x) < FEWEST_TOLD or np.ptp(x) == 0:
+        return None
+    splits = [x[:, 0] <= np.quantile(x, share) for share in BEGINNINGS]
+    mixtures = [
+        _normals(x, parts)
+        for parts in ([x], *([x[near], x[~near]] for near in splits))
+        if all(map(len, parts))
+    ]
+    best = min(mixtures, key=lambda mixture: mixture.bic(x))
+    return None if best is mixtures[0] else best
+
+
+def _normals(x, parts):
+    """A mixture of normal distributions, fitted from parts of the values (n, 1)."""
+    spreads = np.array([part.var() for part in parts]) + LEAST_SPREAD**2
+    mixture = GaussianMixture(
+        len(parts),
+        reg_covar=LEAST_SPREAD**2,
+        init_params="random",  # replaced by what follows
+        random_state=0,
+        weights_init=[len(part) / len(x) for part in parts],
+        means_init=[part.mean(axis=0) for part in parts],
+        precisions_init=1 / spreads[:, None, None],
+    )
+    with catch_warnings():
+        simplefilter("ignore", ConvergenceWarning)
+        return mixture.fit(x)
