@@ -19,7 +19,7 @@ from skmotionseg._core.partition.outliers import (
     STRANGE,
     RigidOutliers,
     least_residuals,
-    outlier_limit,
+    outlier_limits,
 )
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
@@ -67,7 +67,7 @@ def test_unexplained_tracks_that_go_together_are_no_outliers(clip, found):
     residuals = least_residuals(
         outliers.windows, found[0].of(together, visibility).motions_again(found[1])
     )
-    assert (residuals[others] > outliers.limit).mean() > 0.5
+    assert (residuals[others] > outliers.limits.sure).mean() > 0.5
     assert outliers.outside(together, visibility)[others].mean() < 0.2
     # Each of them alone, among the others as they were, is.
     apart = np.array(
@@ -82,7 +82,7 @@ def test_outliers_are_far_from_motions_and_from_neighbours(clip, found, remotene
     alike = SimpleNamespace(remoteness=lambda p, _: np.full(len(p), remoteness))
     windows, motions, outliers = found
     residuals = least_residuals(windows, motions) / windows.least_noise
-    limit = max(outliers.limit / windows.least_noise, STRANGE / remoteness)
+    limit = max(outliers.limits.sure / windows.least_noise, STRANGE / remoteness)
     assert_array_equal(
         replace(outliers, neighbours=alike).outside(points, visibility),
         np.isfinite(residuals) & (residuals > limit) & (remoteness > REMOTE),
@@ -97,13 +97,13 @@ def test_tracks_seen_in_no_window_are_not_judged(clip, found):
 
 def test_residuals_of_one_kind_have_no_outliers():
     residuals = np.random.default_rng(0).lognormal(0, 1.2, 400)
-    assert (residuals > outlier_limit(residuals)).mean() < 0.005
+    assert (residuals > outlier_limits(residuals, 1000.0).doubtful).mean() < 0.005
 
 
 def test_residuals_far_from_all_others_are_of_outliers():
     rng = np.random.default_rng(0)
     residuals = np.r_[rng.lognormal(0, 0.5, 300), rng.uniform(30, 500, 60)]
-    limit = outlier_limit(residuals)
+    limit = outlier_limits(residuals, 1000.0).sure
     assert limit >= FEWEST_DEVIATIONS
     assert_array_equal(residuals > limit, np.arange(360) >= 300)
 
@@ -115,9 +115,17 @@ def test_outliers_may_be_many(share):
     n = int(400 * share)
     residuals = np.r_[rng.lognormal(-0.7, 0.8, 400 - n), rng.lognormal(3.3, 0.6, n)]
     is_outlier = np.arange(400) >= 400 - n
-    found = residuals > outlier_limit(residuals)
+    found = residuals > outlier_limits(residuals, 1000.0).sure
     assert found[is_outlier].mean() > 0.9
     assert not found[~is_outlier].any()
+
+
+def test_inliers_may_be_of_two_kinds():
+    """Half of the tracks are a little worse: none is an outlier, some are doubtful."""
+    rng = np.random.default_rng(0)
+    residuals = np.r_[rng.lognormal(-1.2, 0.3, 100), rng.lognormal(0.8, 1.0, 100)]
+    limits = outlier_limits(residuals, 1000.0)
+    assert limits.doubtful < residuals.max() < limits.sure
 
 
 def test_outliers_are_no_usual_neighbours():
@@ -138,7 +146,7 @@ def test_limit_is_that_of_all_tracks(clip, found):
     inliers = found[0].of(points[y >= 0], visibility[y >= 0])
     outliers = RigidOutliers.of(inliers, inliers.motions_again(found[1]))
     again = outliers.among(points, visibility)
-    assert again.limit < outliers.limit
+    assert again.limits.sure < outliers.limits.sure
     outside = again.outside(points, visibility)
     assert outside[y < 0].mean() > 0.5 and not outside[y >= 0].any()
 
@@ -165,4 +173,5 @@ def test_motions_are_found_among_many_walks(seed):
 
 @pytest.mark.parametrize("residuals", [[], [0.0], [0.0] * 50, [1.0] * 50])
 def test_there_need_be_no_outliers(residuals):
-    assert not (np.array(residuals) > outlier_limit(np.array(residuals))).any()
+    residuals = np.array(residuals)
+    assert not (residuals > outlier_limits(residuals, 100.0).doubtful).any()

@@ -2,14 +2,16 @@
 
 How far tracks are from the rigid motion of their group differs from video to video:
 some trackers drift, some groups bend. So what is far is decided by all tracks of a
-clip, as a mixture of two normal distributions of the logarithms of residuals. A track
-that goes with its neighbours is none, however badly it is explained: people and
-animals are not rigid.
+clip, as a mixture of two: residuals of inliers, whose logarithms are normally
+distributed, and of outliers. These may be few, and anything up to the size of the
+image, or many, and of about one size. A track that goes with its neighbours is none,
+however badly it is explained: people and animals are not rigid.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -17,6 +19,7 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
 from ..geometry.coverage import Neighbours
+from ..geometry.description_length import OF_MEDIAN
 from ..geometry.windows import Windows
 
 # Probability of being an outlier from which on a residual is one of an outlier, and the
@@ -30,14 +33,30 @@ FEWEST_DEVIATIONS = 8.0
 # trackers are right, half as many are taken for outliers.
 REMOTE = 1.5
 STRANGE = 48.0
-# Shares of the tracks that are inliers by the mixture to begin with, and the standard
-# deviation of logarithms that is added to both distributions.
+# Of the mixture with few outliers: iterations, and the largest share of these. Of that
+# with many: shares of inliers to begin with. Of both: the least spread of logarithms.
+ITERATIONS, MOST_OUTLIERS = 60, 0.6
 BEGINNINGS = (0.8, 0.55, 0.3)
 LEAST_SPREAD = 0.15
 # Tracks that a mixture is fitted to, at least.
 FEWEST_TOLD = 5
 # Residuals below this share of the least noise are as good as none.
 LEAST_RESIDUAL = 0.02
+
+
+class Limits(NamedTuple):
+    """Residuals above which tracks are outliers, if they do not go with others.
+
+    Attributes
+    ----------
+    sure : float
+        Infinite if there are none.
+    doubtful : float
+        That motions are searched again without; less or the same.
+    """
+
+    sure: float
+    doubtful: float
 
 
 @dataclass(frozen=True)
@@ -49,26 +68,26 @@ class RigidOutliers:
     windows : Windows
         Of the tracks that motions were fitted to.
     motions : list of RigidMotion
-    limit : float
-        Residual of outliers, in calibrated coordinates.
+    limits : Limits
+        Residuals of outliers, in calibrated coordinates.
     neighbours : Neighbours
         Of the same tracks.
     """
 
     windows: Windows
     motions: list
-    limit: float
+    limits: Limits
     neighbours: Neighbours
 
     @classmethod
     def of(cls, windows, motions):
         """Those of motions that were found."""
-        limit = _limit_in(windows, motions)
+        limits = _limits_in(windows, motions)
         neighbours = Neighbours(windows.points, windows.visibility)
-        return cls(windows, motions, limit, neighbours)
+        return cls(windows, motions, limits, neighbours)
 
     def among(self, points, visibility):
-        """The same, its limit being that of more tracks than were searched.
+        """The same, its limits being those of more tracks than were searched.
 
         Parameters
         ----------
@@ -80,8 +99,8 @@ class RigidOutliers:
         RigidOutliers
         """
         windows = self.windows.of(points, visibility)
-        limit = _limit_in(windows, windows.motions_again(self.motions))
-        return replace(self, limit=limit)
+        limits = _limits_in(windows, windows.motions_again(self.motions))
+        return replace(self, limits=limits)
 
     def outside(self, points, visibility):
         """Which tracks (n,) are outliers.
@@ -95,10 +114,10 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
-        return self._lost(points, visibility, STRANGE)
+        return self._lost(points, visibility, self.limits.sure, STRANGE)
 
     def doubtful(self, points, visibility):
-        """Which tracks (n,) may be outliers: how strange they are is left open.
+        """Which tracks (n,) may be outliers, however strange they are.
 
         Parameters
         ----------
@@ -109,23 +128,25 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
-        return self._lost(points, visibility, 0.0)
+        return self._lost(points, visibility, self.limits.doubtful, 0.0)
 
-    def _lost(self, points, visibility, strange):
+    def _lost(self, points, visibility, limit, strange):
         windows = self.windows.of(points, visibility)
         residuals = least_residuals(windows, windows.motions_again(self.motions))
-        far = np.isfinite(residuals) & (residuals > self.limit)
+        far = np.isfinite(residuals) & (residuals > limit)
         remoteness = self.neighbours.remoteness(points[far], visibility[far])
         enough = residuals[far] * remoteness > strange * self.windows.least_noise
         far[far] = enough & (remoteness > REMOTE)
         return far
 
 
-def _limit_in(windows, motions):
-    """The limit of the tracks of some windows, in calibrated coordinates."""
-    residuals = least_residuals(windows, motions)
-    known = residuals[np.isfinite(residuals)]
-    return windows.least_noise * outlier_limit(known / windows.least_noise)
+def _limits_in(windows, motions):
+    """The limits of the tracks of some windows, in calibrated coordinates."""
+    residuals, scale = least_residuals(windows, motions), windows.least_noise
+    # What tracks cover is the inverse of the focal length across.
+    largest = 1 / (windows.focal_length * scale)
+    limits = outlier_limits(residuals[np.isfinite(residuals)] / scale, largest)
+    return Limits(*(scale * limit for limit in limits))
 
 
 def least_residuals(windows, motions):
@@ -149,63 +170,97 @@ def least_residuals(windows, motions):
     return least
 
 
-def outlier_limit(residuals):
-    """The residual above which tracks are surely outliers.
+def outlier_limits(residuals, largest):
+    """Residuals above which tracks are outliers.
 
     Parameters
     ----------
     residuals : ndarray of shape (n,)
         In standard deviations of the least noise.
+    largest : float
+        That there can be.
 
     Returns
     -------
-    float
-        Infinite if there are no outliers.
+    Limits
     """
-    x = np.log(np.maximum(residuals, LEAST_RESIDUAL))
-    mixture = _mixture(x[:, None])
-    if mixture is None:
-        return np.inf
-    near, far = np.argsort(mixture.means_[:, 0])
-    probabilities = mixture.predict_proba(x[:, None])[:, far]
-    sure = (probabilities > SURELY) & (x > mixture.means_[near, 0])
-    least = x[sure].min(initial=np.inf)
-    # Halfway to the largest of the others, so that rounding decides nothing.
-    limit = np.exp((least + x[x < least].max()) / 2)
-    return max(float(limit), FEWEST_DEVIATIONS)
-
-
-def _mixture(x):
-    """Two normal distributions that explain values (n, 1) better than one, or None.
-
-    By the Bayesian information criterion. Where nearly half are outliers, expectation
-    maximisation from the spread of all ends at one that is wide; so it begins with
-    several shares of them.
-    """
+    x = np.log(np.clip(residuals, LEAST_RESIDUAL, largest))
     if len(x) < FEWEST_TOLD or np.ptp(x) == 0:
-        return None
-    splits = [x[:, 0] <= np.quantile(x, share) for share in BEGINNINGS]
+        return Limits(np.inf, np.inf)
+    few, _ = _limit(x, *_few_outliers(x, np.log(largest)))
+    many, usual = _limit(x, *_many_outliers(x))
+    # Where these are usually no farther than that, they are inliers of another kind.
+    sure = many if usual >= FEWEST_DEVIATIONS else np.inf
+    return Limits(min(few, sure), min(few, many))
+
+
+def _limit(x, probabilities, centre):
+    """The residual of sure outliers, and their usual one, by logarithms (n,)."""
+    sure = (probabilities > SURELY) & (x > centre)
+    if not sure.any():
+        return np.inf, np.inf
+    # Halfway to the largest of the others, so that rounding decides nothing.
+    least = x[sure].min()
+    limit = np.exp((least + x[x < least].max()) / 2)
+    usual = np.exp(np.average(x, weights=probabilities))
+    return max(float(limit), FEWEST_DEVIATIONS), float(usual)
+
+
+def _few_outliers(x, largest):
+    """Of logarithms being those of outliers (n,), and the centre of the others.
+
+    Expectation maximisation of a normal distribution and one that is uniform from its
+    centre to the largest.
+    """
+    centre = np.median(x)
+    spread = max(OF_MEDIAN * np.median(np.abs(x - centre)), LEAST_SPREAD)
+    share = 0.1
+    for _ in range(ITERATIONS):
+        normal = np.exp(-0.5 * ((x - centre) / spread) ** 2) / (
+            spread * np.sqrt(2 * np.pi)
+        )
+        uniform = (x > centre) / max(largest - centre, LEAST_SPREAD)
+        odd = share * uniform
+        odd = odd / (odd + (1 - share) * normal + np.finfo(float).tiny)
+        total = max((1 - odd).sum(), 1e-9)
+        centre = ((1 - odd) * x).sum() / total
+        spread = np.sqrt(((1 - odd) * (x - centre) ** 2).sum() / total)
+        spread, share = max(spread, LEAST_SPREAD), min(odd.mean(), MOST_OUTLIERS)
+    return odd, centre
+
+
+def _many_outliers(x):
+    """The same by two normal distributions, where these are better than one.
+
+    By the Bayesian information criterion. From the spread of all, it would end at one
+    that is wide, and says that nothing is far; so it begins with several shares.
+    """
+    X = x[:, None]
+    splits = [x <= np.quantile(x, share) for share in BEGINNINGS]
     mixtures = [
-        _normals(x, parts)
-        for parts in ([x], *([x[near], x[~near]] for near in splits))
+        _normals(X, parts)
+        for parts in ([X], *([X[near], X[~near]] for near in splits))
         if all(map(len, parts))
     ]
-    best = min(mixtures, key=lambda mixture: mixture.bic(x))
-    return None if best is mixtures[0] else best
+    best = min(mixtures, key=lambda mixture: mixture.bic(X))
+    if best is mixtures[0]:
+        return np.zeros(len(x)), np.inf
+    near, far = np.argsort(best.means_[:, 0])
+    return best.predict_proba(X)[:, far], best.means_[near, 0]
 
 
-def _normals(x, parts):
-    """A mixture of normal distributions, fitted from parts of the values (n, 1)."""
+def _normals(X, parts):
+    """A mixture of normal distributions, fitted from parts of values (n, 1)."""
     spreads = np.array([part.var() for part in parts]) + LEAST_SPREAD**2
     mixture = GaussianMixture(
         len(parts),
         reg_covar=LEAST_SPREAD**2,
         init_params="random",  # replaced by what follows
         random_state=0,
-        weights_init=[len(part) / len(x) for part in parts],
+        weights_init=[len(part) / len(X) for part in parts],
         means_init=[part.mean(axis=0) for part in parts],
         precisions_init=1 / spreads[:, None, None],
     )
     with catch_warnings():
         simplefilter("ignore", ConvergenceWarning)
-        return mixture.fit(x)
+        return mixture.fit(X)
