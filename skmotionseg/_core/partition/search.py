@@ -41,8 +41,9 @@ LINKS = 24
 FEWEST_FOR_RIGID = 12
 SHARE_IN_WINDOWS = 0.5
 # Share of the tracks from which on outliers are so many that motions are searched again
-# without them: in 280 simulated scenes, their number is right in 76 % instead of 72 %.
-# And how often at most: those that are left may make a motion of their own again.
+# without them, and how often at most, as those that are left may make a motion of their
+# own again. In 112 simulated scenes, half of which have outliers, the number of motions
+# is right in 87 % instead of 82 % where only sure ones were left out, once.
 MANY_OUTLIERS = 0.03
 MOST_SEARCHES_AGAIN = 3
 
