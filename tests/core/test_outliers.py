@@ -7,7 +7,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.mixture import GaussianMixture
 
 from benchmarks.wrong_tracks import with_walks
 from skmotionseg import MotionSegmenter, unpack_tracks
@@ -15,9 +16,11 @@ from skmotionseg._core.geometry.coverage import Neighbours
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.outliers import (
     FEWEST_DEVIATIONS,
+    LEAST_SPREAD,
     REMOTE,
     STRANGE,
     RigidOutliers,
+    _Normals,
     least_residuals,
     outlier_limits,
 )
@@ -118,6 +121,27 @@ def test_outliers_may_be_many(share):
     found = residuals > outlier_limits(residuals, 1000.0).sure
     assert found[is_outlier].mean() > 0.9
     assert not found[~is_outlier].any()
+
+
+@pytest.mark.parametrize("n_parts", [1, 2])
+def test_normal_distributions_are_those_of_scikit_learn(n_parts):
+    rng = np.random.default_rng(0)
+    x = np.r_[rng.normal(0, 0.7, 150), rng.normal(2, 0.9, 80)]
+    parts = [x] if n_parts == 1 else [x[x < 1], x[x >= 1]]
+    ours = _Normals.fitted(x, parts)
+    spreads = np.array([part.var() for part in parts]) + LEAST_SPREAD**2
+    theirs = GaussianMixture(
+        n_parts,
+        reg_covar=LEAST_SPREAD**2,
+        weights_init=[len(part) / len(x) for part in parts],
+        means_init=[[part.mean()] for part in parts],
+        precisions_init=1 / spreads[:, None, None],
+        random_state=0,
+    ).fit(x[:, None])
+    assert_allclose(ours.shares, theirs.weights_)
+    assert_allclose(ours.means, theirs.means_[:, 0])
+    assert_allclose(ours.variances, theirs.covariances_[:, 0, 0])
+    assert_allclose(ours.criterion(x), theirs.bic(x[:, None]))
 
 
 def test_inliers_may_be_of_two_kinds():

@@ -12,11 +12,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.mixture import GaussianMixture
+from scipy.special import logsumexp
 
 from ..geometry.coverage import Neighbours
 from ..geometry.description_length import OF_MEDIAN
@@ -34,9 +32,10 @@ FEWEST_DEVIATIONS = 8.0
 REMOTE = 1.5
 STRANGE = 48.0
 # Of the mixture with few outliers: iterations, and the largest share of these. Of that
-# with many: shares of inliers to begin with. Of both: the least spread of logarithms.
+# with many: shares of inliers to begin with, iterations at most, and nats per track by
+# which the last of them makes it likelier. Of both: the least spread of logarithms.
 ITERATIONS, MOST_OUTLIERS = 60, 0.6
-BEGINNINGS = (0.8, 0.55, 0.3)
+BEGINNINGS, MOST_ITERATIONS, CONVERGED = (0.8, 0.55, 0.3), 100, 1e-3
 LEAST_SPREAD = 0.15
 # Tracks that a mixture is fitted to, at least.
 FEWEST_TOLD = 5
@@ -235,32 +234,60 @@ def _many_outliers(x):
     By the Bayesian information criterion. From the spread of all, it would end at one
     that is wide, and says that nothing is far; so it begins with several shares.
     """
-    X = x[:, None]
     splits = [x <= np.quantile(x, share) for share in BEGINNINGS]
+    alone = _Normals.fitted(x, [x])
     mixtures = [
-        _normals(X, parts)
-        for parts in ([X], *([X[near], X[~near]] for near in splits))
-        if all(map(len, parts))
+        _Normals.fitted(x, [x[near], x[~near]]) for near in splits if not near.all()
     ]
-    best = min(mixtures, key=lambda mixture: mixture.bic(X))
-    if best is mixtures[0]:
+    best = min([alone, *mixtures], key=lambda mixture: mixture.criterion(x))
+    if best is alone:
         return np.zeros(len(x)), np.inf
-    near, far = np.argsort(best.means_[:, 0])
-    return best.predict_proba(X)[:, far], best.means_[near, 0]
+    near, far = np.argsort(best.means)
+    logs = best.log_densities(x)
+    return np.exp(logs[far] - logsumexp(logs, axis=0)), best.means[near]
 
 
-def _normals(X, parts):
-    """A mixture of normal distributions, fitted from parts of values (n, 1)."""
-    spreads = np.array([part.var() for part in parts]) + LEAST_SPREAD**2
-    mixture = GaussianMixture(
-        len(parts),
-        reg_covar=LEAST_SPREAD**2,
-        init_params="random",  # replaced by what follows
-        random_state=0,
-        weights_init=[len(part) / len(X) for part in parts],
-        means_init=[part.mean(axis=0) for part in parts],
-        precisions_init=1 / spreads[:, None, None],
-    )
-    with catch_warnings():
-        simplefilter("ignore", ConvergenceWarning)
-        return mixture.fit(X)
+class _Normals(NamedTuple):
+    """A mixture of normal distributions: each (K,)."""
+
+    shares: np.ndarray
+    means: np.ndarray
+    variances: np.ndarray
+
+    @classmethod
+    def fitted(cls, x, parts):
+        """By expectation maximisation, from parts of the values (n,)."""
+        mixture = cls(
+            np.array([len(part) / len(x) for part in parts]),
+            np.array([part.mean() for part in parts]),
+            np.array([part.var() for part in parts]) + LEAST_SPREAD**2,
+        )
+        before = -np.inf
+        for _ in range(MOST_ITERATIONS):
+            logs = mixture.log_densities(x)
+            totals = logsumexp(logs, axis=0)
+            mixture = cls._of_shares(x, np.exp(logs - totals))
+            if totals.mean() - before < CONVERGED:
+                break
+            before = totals.mean()
+        return mixture
+
+    @classmethod
+    def _of_shares(cls, x, shares):
+        """The likeliest of values that are of each by these shares (K, n)."""
+        sizes = shares.sum(axis=1) + np.finfo(float).eps
+        means = shares @ x / sizes
+        squares = (shares * (x - means[:, None]) ** 2).sum(axis=1)
+        return cls(sizes / len(x), means, squares / sizes + LEAST_SPREAD**2)
+
+    def log_densities(self, x):
+        """Of each distribution at values (n,), times its share: (K, n)."""
+        shares, means, variances = (each[:, None] for each in self)
+        logs = (x - means) ** 2 / variances + np.log(2 * np.pi * variances)
+        return np.log(shares) - logs / 2
+
+    def criterion(self, x):
+        """The Bayesian information criterion."""
+        n_parameters = 3 * len(self.shares) - 1
+        likelihood = logsumexp(self.log_densities(x), axis=0).sum()
+        return n_parameters * np.log(len(x)) - 2 * likelihood
