@@ -11,7 +11,7 @@ import pytest
 from helpers import fourth_model
 from helpers.own_models import SHIFT
 from helpers.scripts import run_limited
-from joblib import Memory, parallel_config
+from joblib import Memory
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
 from sklearn.cluster import AgglomerativeClustering
@@ -441,14 +441,7 @@ def test_another_seed_draws_other_hypotheses(scene):
     assert (first != second).any()
 
 
-@pytest.fixture
-def workers_of_this_process():
-    """Threads; engines of other processes are tested in ``test_determinism.py``."""
-    with parallel_config(backend="threading"):
-        yield
-
-
-def test_workers_change_no_label_of_the_pipeline(scene, workers_of_this_process):
+def test_workers_change_no_label_of_the_pipeline(scene):
     X = scene[0][:, :6]
     alone, shared = (
         make_motion_pipeline(n_clusters=3, n_jobs=n_jobs, **SMALL).fit_predict(X)
@@ -457,7 +450,7 @@ def test_workers_change_no_label_of_the_pipeline(scene, workers_of_this_process)
     assert_array_equal(alone, shared)
 
 
-def test_workers_change_no_label_of_a_sequence(sequences, workers_of_this_process):
+def test_workers_change_no_label_of_a_sequence(sequences):
     X, _ = sequences
     alone, shared = (
         PerSequence(MotionSegmenter(2, **PAPER), n_jobs=n_jobs).fit(X).predict(X)

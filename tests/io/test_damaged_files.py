@@ -85,15 +85,15 @@ def write_videos(folder):
         assert cv2.imwrite(str(folder / ending / f"0.{ending}"), frames[0])
 
 
+@pytest.mark.parametrize("write", [write_track_files, write_masks, write_videos])
 @pytest.mark.parametrize(
     "every_percent, n_flips, seconds",
-    [(10, 60, 240), pytest.param(1, 2000, 3600, marks=pytest.mark.long)],
+    [(10, 60, 120), pytest.param(1, 2000, 1800, marks=pytest.mark.long)],
 )
 def test_damaged_files_are_read_or_refused_in_words(
-    every_percent, n_flips, seconds, tmp_path
+    write, every_percent, n_flips, seconds, tmp_path
 ):
-    for write in (write_track_files, write_masks, write_videos):
-        write(tmp_path)
+    write(tmp_path)
     done = run_limited("damage.py", tmp_path, every_percent, n_flips, seconds=seconds)
     last = (tmp_path / "damaged" / "current").read_text()
     assert done.returncode == 0, f"at {last}: {done.stderr[-2000:]}"
