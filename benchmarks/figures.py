@@ -30,6 +30,7 @@ from benchmarks import (
     sensitivity,
     static_scenes,
     two_view_peers,
+    wrong_tracks,
 )
 from benchmarks.__main__ import sections_of_speed
 from skmotionseg import __version__
@@ -74,6 +75,7 @@ MEASURED = {
     "search_gap": search_gap.COLUMNS,
     "static_scenes": static_scenes.COLUMNS,
     "streams": online_bench.COLUMNS,
+    "wrong_tracks": wrong_tracks.COLUMNS,
 }
 GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"
 

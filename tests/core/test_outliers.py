@@ -7,19 +7,25 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_array_equal
+from numpy.testing import assert_allclose, assert_array_equal
+from sklearn.mixture import GaussianMixture
 
-from skmotionseg import unpack_tracks
+from benchmarks.wrong_tracks import with_walks
+from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core.geometry.coverage import Neighbours
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.outliers import (
     FEWEST_DEVIATIONS,
+    LEAST_SPREAD,
     REMOTE,
     STRANGE,
     RigidOutliers,
+    _Normals,
     least_residuals,
-    outlier_limit,
+    outlier_limits,
 )
 from skmotionseg.datasets import make_rigid_motions
+from skmotionseg.metrics import misclassification_error
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +70,7 @@ def test_unexplained_tracks_that_go_together_are_no_outliers(clip, found):
     residuals = least_residuals(
         outliers.windows, found[0].of(together, visibility).motions_again(found[1])
     )
-    assert (residuals[others] > outliers.limit).mean() > 0.5
+    assert (residuals[others] > outliers.limits.sure).mean() > 0.5
     assert outliers.outside(together, visibility)[others].mean() < 0.2
     # Each of them alone, among the others as they were, is.
     apart = np.array(
@@ -79,7 +85,7 @@ def test_outliers_are_far_from_motions_and_from_neighbours(clip, found, remotene
     alike = SimpleNamespace(remoteness=lambda p, _: np.full(len(p), remoteness))
     windows, motions, outliers = found
     residuals = least_residuals(windows, motions) / windows.least_noise
-    limit = max(outliers.limit / windows.least_noise, STRANGE / remoteness)
+    limit = max(outliers.limits.sure / windows.least_noise, STRANGE / remoteness)
     assert_array_equal(
         replace(outliers, neighbours=alike).outside(points, visibility),
         np.isfinite(residuals) & (residuals > limit) & (remoteness > REMOTE),
@@ -94,17 +100,102 @@ def test_tracks_seen_in_no_window_are_not_judged(clip, found):
 
 def test_residuals_of_one_kind_have_no_outliers():
     residuals = np.random.default_rng(0).lognormal(0, 1.2, 400)
-    assert (residuals > outlier_limit(residuals, 1000.0)).mean() < 0.005
+    assert (residuals > outlier_limits(residuals, 1000.0).doubtful).mean() < 0.005
 
 
 def test_residuals_far_from_all_others_are_of_outliers():
     rng = np.random.default_rng(0)
     residuals = np.r_[rng.lognormal(0, 0.5, 300), rng.uniform(30, 500, 60)]
-    limit = outlier_limit(residuals, 1000.0)
+    limit = outlier_limits(residuals, 1000.0).sure
     assert limit >= FEWEST_DEVIATIONS
     assert_array_equal(residuals > limit, np.arange(360) >= 300)
 
 
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.6])
+def test_outliers_may_be_many(share):
+    """The spread of all residuals is then wide, and says that none of them is far."""
+    rng = np.random.default_rng(0)
+    n = int(400 * share)
+    residuals = np.r_[rng.lognormal(-0.7, 0.8, 400 - n), rng.lognormal(3.3, 0.6, n)]
+    is_outlier = np.arange(400) >= 400 - n
+    found = residuals > outlier_limits(residuals, 1000.0).sure
+    assert found[is_outlier].mean() > 0.9
+    assert not found[~is_outlier].any()
+
+
+@pytest.mark.parametrize("n_parts", [1, 2])
+def test_normal_distributions_are_those_of_scikit_learn(n_parts):
+    rng = np.random.default_rng(0)
+    x = np.r_[rng.normal(0, 0.7, 150), rng.normal(2, 0.9, 80)]
+    parts = [x] if n_parts == 1 else [x[x < 1], x[x >= 1]]
+    ours = _Normals.fitted(x, parts)
+    spreads = np.array([part.var() for part in parts]) + LEAST_SPREAD**2
+    theirs = GaussianMixture(
+        n_parts,
+        reg_covar=LEAST_SPREAD**2,
+        weights_init=[len(part) / len(x) for part in parts],
+        means_init=[[part.mean()] for part in parts],
+        precisions_init=1 / spreads[:, None, None],
+        random_state=0,
+    ).fit(x[:, None])
+    assert_allclose(ours.shares, theirs.weights_)
+    assert_allclose(ours.means, theirs.means_[:, 0])
+    assert_allclose(ours.variances, theirs.covariances_[:, 0, 0])
+    assert_allclose(ours.criterion(x), theirs.bic(x[:, None]))
+
+
+def test_inliers_may_be_of_two_kinds():
+    """Half of the tracks are a little worse: none is an outlier, some are doubtful."""
+    rng = np.random.default_rng(0)
+    residuals = np.r_[rng.lognormal(-1.2, 0.3, 100), rng.lognormal(0.8, 1.0, 100)]
+    limits = outlier_limits(residuals, 1000.0)
+    assert limits.doubtful < residuals.max() < limits.sure
+
+
+def test_outliers_are_no_usual_neighbours():
+    """Tracks that go anywhere are remote however many of them there are."""
+    rng = np.random.default_rng(0)
+    steps = np.where(np.arange(200)[:, None, None] < 100, 0.02, 3.0)
+    moves = 2 + steps * rng.standard_normal((200, 12, 2))
+    points = rng.uniform(0, 300, (200, 1, 2)) + moves.cumsum(axis=1)
+    visibility = np.ones((200, 12), dtype=bool)
+    remoteness = Neighbours(points, visibility).remoteness(points, visibility)
+    assert np.mean(remoteness[100:] > REMOTE) > 0.9
+    assert np.mean(remoteness[:100] > REMOTE) < 0.1
+
+
+def test_limit_is_that_of_all_tracks(clip, found):
+    """Where outliers were left out, those that are left say nothing of them."""
+    points, visibility, y = clip
+    inliers = found[0].of(points[y >= 0], visibility[y >= 0])
+    outliers = RigidOutliers.of(inliers, inliers.motions_again(found[1]))
+    again = outliers.among(points, visibility)
+    assert again.limits.sure < outliers.limits.sure
+    outside = again.outside(points, visibility)
+    assert outside[y < 0].mean() > 0.5 and not outside[y >= 0].any()
+
+
+def test_more_are_doubtful_than_are_outliers(clip, found):
+    points, visibility, y = clip
+    outside = found[-1].outside(points, visibility)
+    doubtful = found[-1].doubtful(points, visibility)
+    assert doubtful[outside].all()
+    assert doubtful.sum() > outside.sum()
+    assert doubtful[y >= 0].mean() < 0.05
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_motions_are_found_among_many_walks(seed):
+    """Two fifths of the tracks go anywhere: they make no motion, and belong to none."""
+    clip = make_rigid_motions(140, 12, 3, random_state=seed)
+    X, y = with_walks(*clip, 0.42, seed)
+    segmenter = MotionSegmenter(random_state=seed).fit(X)
+    assert segmenter.n_motions_ == 3
+    assert misclassification_error(y[:140], segmenter.labels_[:140]) < 0.05
+    assert np.mean(segmenter.labels_[140:] < 0) > 0.9
+
+
 @pytest.mark.parametrize("residuals", [[], [0.0], [0.0] * 50, [1.0] * 50])
 def test_there_need_be_no_outliers(residuals):
-    assert not (np.array(residuals) > outlier_limit(np.array(residuals), 100.0)).any()
+    residuals = np.array(residuals)
+    assert not (residuals > outlier_limits(residuals, 100.0).doubtful).any()

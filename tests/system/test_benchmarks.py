@@ -30,6 +30,7 @@ from benchmarks import (
     static_scenes,
     table,
     two_view_peers,
+    wrong_tracks,
 )
 from benchmarks.__main__ import main, sections_of_speed
 from benchmarks.watching import rigid_searches
@@ -343,6 +344,24 @@ def test_static_scenes_are_judged(monkeypatch):
     (row,) = static_scenes.measure(2)
     assert row["n_scenes"] == row["static_right"] == 2
     assert row["static_found"] == 1 and row["static_error"] < 5
+
+
+def test_wrong_tracks_are_found_beside_right_ones(monkeypatch, capsys, tmp_path):
+    X, y = make_rigid_motions(n_tracks=80, n_frames=11, random_state=0)
+    clip = Bunch(name="clip", data=X, target=y)
+    more, labels = wrong_tracks.with_walks(X, y, 0.2, seed=0)
+    assert len(more) == 100 and (labels[80:] == -1).all()
+    np.testing.assert_array_equal(more[:80], X)
+    monkeypatch.setattr(wrong_tracks, "LOADERS", {"few": lambda folder: [clip]})
+    record = tmp_path / "accuracy.json"
+    arguments = ["--data", "here", "--shares", "0", "0.3", "--seeds", "0"]
+    wrong_tracks.main([*arguments, "--json", str(record)])
+    right, wrong = json.loads(record.read_text())["wrong_tracks"]
+    assert wrong["row"] == "few, 30% wrong tracks"
+    assert right["found"] is None and wrong["found"] > 50
+    assert max(right["error"], wrong["error"]) < 5
+    assert wrong["right"] == 100
+    assert "few, 30% wrong tracks" in capsys.readouterr().out
 
 
 def test_page_is_rewritten_between_its_marks(tmp_path):

@@ -9,6 +9,7 @@ from all, so neither is missed as it would be by plain chance.
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,10 @@ NEVER_MET = 100.0
 LEAST_DISTANCE = 1e-6
 # Which neighbour says how far a track is from others.
 NEIGHBOUR = 3
+# Distances from neighbours of the quarter of the tracks that have the least, and so
+# many times these at most is what neighbours are compared with: outliers, where they
+# are many, have each other as neighbours. Of more tracks than this, some are asked.
+NEAREST, MOST_TIMES, MOST_ASKED = 0.25, 4.0, 1000
 
 
 def draw_covering(points, visibility, n_landmarks, random_state):
@@ -125,7 +130,8 @@ class Neighbours:
         """How much farther tracks are from their neighbours than these are from theirs.
 
         The local outlier factor (Breunig et al. 2000) of the third neighbour, in place
-        and displacement.
+        and displacement; what is usual there is three times what it is for the nearest
+        quarter of all, at most.
 
         Parameters
         ----------
@@ -139,17 +145,28 @@ class Neighbours:
             1 for a track as the others are; infinite if no two consecutive frames see
             it with enough of them.
         """
+        if not len(points):
+            return np.zeros(0)
         channels = _scaled(points, visibility, self._scaling)
         squared = _squared_distances(channels, self._channels)
         squared[squared < LEAST_DISTANCE] = np.inf
         distance, neighbour = _kth(squared)
         near, which = np.unique(neighbour, return_inverse=True)
-        usual = np.maximum(self._usual(near)[which], LEAST_DISTANCE)
+        usual = np.clip(self._distances(near), LEAST_DISTANCE, self._most)[which]
         farther = np.full(len(distance), np.inf)
         np.divide(distance, usual, out=farther, where=np.isfinite(distance))
         return np.sqrt(farther)
 
-    def _usual(self, tracks):
+    @cached_property
+    def _most(self):
+        """The largest squared distance from neighbours that is usual."""
+        n = len(self._channels[0][0])
+        some = self._distances(np.linspace(0, n - 1, min(n, MOST_ASKED)).astype(int))
+        known = some[np.isfinite(some)]
+        most = MOST_TIMES**2 * np.quantile(known, NEAREST) if len(known) else np.inf
+        return max(most, LEAST_DISTANCE)
+
+    def _distances(self, tracks):
         """Squared distances (m,) of some of the tracks from their neighbours."""
         some = [tuple(each[tracks] for each in channel) for channel in self._channels]
         squared = _squared_distances(some, self._channels)

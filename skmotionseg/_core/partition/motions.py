@@ -249,6 +249,28 @@ class Explanation:
             labels[self.odd.outside(points, visibility)] = -1
         return labels
 
+    def doubtful(self, points, visibility, labels):
+        """Which tracks motions are searched again without, if they are many.
+
+        Parameters
+        ----------
+        points, visibility, labels
+            As for :meth:`reject`.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
+        doubtful = self.reject(points, visibility, labels) < 0
+        if self.odd is not None:
+            doubtful |= self.odd.doubtful(points, visibility)
+        return doubtful
+
+    def among(self, points, visibility):
+        """The same for more tracks than those that were searched."""
+        odd = self.odd and self.odd.among(points, visibility)
+        return replace(self, odd=odd)
+
     def reordered(self, order):
         """The same with the motions in another order."""
         return replace(self, motions=self.motions[order])

@@ -3,16 +3,18 @@
 How far tracks are from the rigid motion of their group differs from video to video:
 some trackers drift, some groups bend. So what is far is decided by all tracks of a
 clip, as a mixture of two: residuals of inliers, whose logarithms are normally
-distributed, and of outliers, which may be anything up to the size of the image. A track
-that goes with its neighbours is none, however badly it is explained: people and
-animals are not rigid.
+distributed, and of outliers. These may be few, and anything up to the size of the
+image, or many, and of about one size. A track that goes with its neighbours is none,
+however badly it is explained: people and animals are not rigid.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import logsumexp
 
 from ..geometry.coverage import Neighbours
 from ..geometry.description_length import OF_MEDIAN
@@ -29,13 +31,31 @@ FEWEST_DEVIATIONS = 8.0
 # trackers are right, half as many are taken for outliers.
 REMOTE = 1.5
 STRANGE = 48.0
-# Iterations of the mixture, the least spread of logarithms, and the largest share of
-# outliers.
-ITERATIONS = 60
+# Of the mixture with few outliers: iterations, and the largest share of these. Of that
+# with many: shares of inliers to begin with, iterations at most, and nats per track by
+# which the last of them makes it likelier. Of both: the least spread of logarithms.
+ITERATIONS, MOST_OUTLIERS = 60, 0.6
+BEGINNINGS, MOST_ITERATIONS, CONVERGED = (0.8, 0.55, 0.3), 100, 1e-3
 LEAST_SPREAD = 0.15
-MOST_OUTLIERS = 0.6
+# Tracks that a mixture is fitted to, at least.
+FEWEST_TOLD = 5
 # Residuals below this share of the least noise are as good as none.
 LEAST_RESIDUAL = 0.02
+
+
+class Limits(NamedTuple):
+    """Residuals above which tracks are outliers, if they do not go with others.
+
+    Attributes
+    ----------
+    sure : float
+        Infinite if there are none.
+    doubtful : float
+        That motions are searched again without; less or the same.
+    """
+
+    sure: float
+    doubtful: float
 
 
 @dataclass(frozen=True)
@@ -47,26 +67,39 @@ class RigidOutliers:
     windows : Windows
         Of the tracks that motions were fitted to.
     motions : list of RigidMotion
-    limit : float
-        Residual of outliers, in calibrated coordinates.
+    limits : Limits
+        Residuals of outliers, in calibrated coordinates.
     neighbours : Neighbours
         Of the same tracks.
     """
 
     windows: Windows
     motions: list
-    limit: float
+    limits: Limits
     neighbours: Neighbours
 
     @classmethod
     def of(cls, windows, motions):
         """Those of motions that were found."""
-        residuals, scale = least_residuals(windows, motions), windows.least_noise
-        # What tracks cover is the inverse of the focal length across.
-        largest = 1 / (windows.focal_length * scale)
-        limit = outlier_limit(residuals[np.isfinite(residuals)] / scale, largest)
+        limits = _limits_in(windows, motions)
         neighbours = Neighbours(windows.points, windows.visibility)
-        return cls(windows, motions, scale * limit, neighbours)
+        return cls(windows, motions, limits, neighbours)
+
+    def among(self, points, visibility):
+        """The same, its limits being those of more tracks than were searched.
+
+        Parameters
+        ----------
+        points : ndarray of shape (n, n_frames, 2)
+        visibility : ndarray of bool, shape (n, n_frames)
+
+        Returns
+        -------
+        RigidOutliers
+        """
+        windows = self.windows.of(points, visibility)
+        limits = _limits_in(windows, windows.motions_again(self.motions))
+        return replace(self, limits=limits)
 
     def outside(self, points, visibility):
         """Which tracks (n,) are outliers.
@@ -80,13 +113,39 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
+        return self._lost(points, visibility, self.limits.sure, STRANGE)
+
+    def doubtful(self, points, visibility):
+        """Which tracks (n,) may be outliers, however strange they are.
+
+        Parameters
+        ----------
+        points, visibility
+            As for :meth:`outside`.
+
+        Returns
+        -------
+        ndarray of bool, shape (n,)
+        """
+        return self._lost(points, visibility, self.limits.doubtful, 0.0)
+
+    def _lost(self, points, visibility, limit, strange):
         windows = self.windows.of(points, visibility)
         residuals = least_residuals(windows, windows.motions_again(self.motions))
-        far = np.isfinite(residuals) & (residuals > self.limit)
+        far = np.isfinite(residuals) & (residuals > limit)
         remoteness = self.neighbours.remoteness(points[far], visibility[far])
-        strange = residuals[far] * remoteness > STRANGE * self.windows.least_noise
-        far[far] = strange & (remoteness > REMOTE)
+        enough = residuals[far] * remoteness > strange * self.windows.least_noise
+        far[far] = enough & (remoteness > REMOTE)
         return far
+
+
+def _limits_in(windows, motions):
+    """The limits of the tracks of some windows, in calibrated coordinates."""
+    residuals, scale = least_residuals(windows, motions), windows.least_noise
+    # What tracks cover is the inverse of the focal length across.
+    largest = 1 / (windows.focal_length * scale)
+    limits = outlier_limits(residuals[np.isfinite(residuals)] / scale, largest)
+    return Limits(*(scale * limit for limit in limits))
 
 
 def least_residuals(windows, motions):
@@ -110,8 +169,8 @@ def least_residuals(windows, motions):
     return least
 
 
-def outlier_limit(residuals, largest):
-    """The residual above which tracks are surely outliers.
+def outlier_limits(residuals, largest):
+    """Residuals above which tracks are outliers.
 
     Parameters
     ----------
@@ -122,20 +181,31 @@ def outlier_limit(residuals, largest):
 
     Returns
     -------
-    float
-        Infinite if there are no outliers.
+    Limits
     """
     x = np.log(np.clip(residuals, LEAST_RESIDUAL, largest))
-    if not len(x):
-        return np.inf
-    probabilities, centre = _outlier_probabilities(x, np.log(largest))
-    least = x[(probabilities > SURELY) & (x > centre)].min(initial=np.inf)
+    if len(x) < FEWEST_TOLD or np.ptp(x) == 0:
+        return Limits(np.inf, np.inf)
+    few, _ = _limit(x, *_few_outliers(x, np.log(largest)))
+    many, usual = _limit(x, *_many_outliers(x))
+    # Where these are usually no farther than that, they are inliers of another kind.
+    sure = many if usual >= FEWEST_DEVIATIONS else np.inf
+    return Limits(min(few, sure), min(few, many))
+
+
+def _limit(x, probabilities, centre):
+    """The residual of sure outliers, and their usual one, by logarithms (n,)."""
+    sure = (probabilities > SURELY) & (x > centre)
+    if not sure.any():
+        return np.inf, np.inf
     # Halfway to the largest of the others, so that rounding decides nothing.
+    least = x[sure].min()
     limit = np.exp((least + x[x < least].max()) / 2)
-    return max(float(limit), FEWEST_DEVIATIONS)
+    usual = np.exp(np.average(x, weights=probabilities))
+    return max(float(limit), FEWEST_DEVIATIONS), float(usual)
 
 
-def _outlier_probabilities(x, largest):
+def _few_outliers(x, largest):
     """Of logarithms being those of outliers (n,), and the centre of the others.
 
     Expectation maximisation of a normal distribution and one that is uniform from its
@@ -156,3 +226,68 @@ def _outlier_probabilities(x, largest):
         spread = np.sqrt(((1 - odd) * (x - centre) ** 2).sum() / total)
         spread, share = max(spread, LEAST_SPREAD), min(odd.mean(), MOST_OUTLIERS)
     return odd, centre
+
+
+def _many_outliers(x):
+    """The same by two normal distributions, where these are better than one.
+
+    By the Bayesian information criterion. From the spread of all, it would end at one
+    that is wide, and says that nothing is far; so it begins with several shares.
+    """
+    splits = [x <= np.quantile(x, share) for share in BEGINNINGS]
+    alone = _Normals.fitted(x, [x])
+    mixtures = [
+        _Normals.fitted(x, [x[near], x[~near]]) for near in splits if not near.all()
+    ]
+    best = min([alone, *mixtures], key=lambda mixture: mixture.criterion(x))
+    if best is alone:
+        return np.zeros(len(x)), np.inf
+    near, far = np.argsort(best.means)
+    logs = best.log_densities(x)
+    return np.exp(logs[far] - logsumexp(logs, axis=0)), best.means[near]
+
+
+class _Normals(NamedTuple):
+    """A mixture of normal distributions: each (K,)."""
+
+    shares: np.ndarray
+    means: np.ndarray
+    variances: np.ndarray
+
+    @classmethod
+    def fitted(cls, x, parts):
+        """By expectation maximisation, from parts of the values (n,)."""
+        mixture = cls(
+            np.array([len(part) / len(x) for part in parts]),
+            np.array([part.mean() for part in parts]),
+            np.array([part.var() for part in parts]) + LEAST_SPREAD**2,
+        )
+        before = -np.inf
+        for _ in range(MOST_ITERATIONS):
+            logs = mixture.log_densities(x)
+            totals = logsumexp(logs, axis=0)
+            mixture = cls._of_shares(x, np.exp(logs - totals))
+            if totals.mean() - before < CONVERGED:
+                break
+            before = totals.mean()
+        return mixture
+
+    @classmethod
+    def _of_shares(cls, x, shares):
+        """The likeliest of values that are of each by these shares (K, n)."""
+        sizes = shares.sum(axis=1) + np.finfo(float).eps
+        means = shares @ x / sizes
+        squares = (shares * (x - means[:, None]) ** 2).sum(axis=1)
+        return cls(sizes / len(x), means, squares / sizes + LEAST_SPREAD**2)
+
+    def log_densities(self, x):
+        """Of each distribution at values (n,), times its share: (K, n)."""
+        shares, means, variances = (each[:, None] for each in self)
+        logs = (x - means) ** 2 / variances + np.log(2 * np.pi * variances)
+        return np.log(shares) - logs / 2
+
+    def criterion(self, x):
+        """The Bayesian information criterion."""
+        n_parameters = 3 * len(self.shares) - 1
+        likelihood = logsumexp(self.log_densities(x), axis=0).sum()
+        return n_parameters * np.log(len(x)) - 2 * likelihood
