@@ -347,6 +347,37 @@ class Windows:
         """
         return motion.deviations[int(relative), tracks], motion.known[tracks]
 
+    def deviations_in_stretches(self, motion, length):
+        """Root mean square residuals of all tracks in consecutive frames of windows.
+
+        Parameters
+        ----------
+        motion : RigidMotion
+        length : int
+            Frames of a stretch; all of a window, if it has fewer.
+
+        Returns
+        -------
+        ndarray of shape (n_tracks, n_stretches)
+            In calibrated coordinates, over what is usual at their speed; NaN where a
+            frame does not see a track.
+        """
+        length = min(length, self.frames.shape[1])
+        freedom = max(2 * length - 3, 1)
+        n_starts = self.frames.shape[1] - length + 1
+        found = np.full((len(self.points), len(self.frames), n_starts), np.nan)
+        for window, start in np.ndindex(found.shape[1:]):
+            stretch = slice(start, start + length)
+            seen = self.seen[window, :, stretch].all(axis=1)
+            pose = motion.poses[window]
+            if pose is not None and seen.any():
+                here = Poses(*(each[None, stretch] for each in pose))
+                x = self.x[window, seen, stretch]
+                squares = squared_residuals(x, np.ones(x.shape[:2], bool), here)[0]
+                variances = freedom * self.variances[seen, window]
+                found[seen, window, start] = np.sqrt(squares / variances)
+        return found.reshape(len(self.points), -1)
+
     def explained(self, motion, tracks, most):
         """Those of some tracks that a motion explains with deviations of at most this.
 

@@ -31,6 +31,9 @@ FEWEST_DEVIATIONS = 8.0
 # trackers are right, half as many are taken for outliers.
 REMOTE = 1.5
 STRANGE = 48.0
+# Frames of a window in which a track that slips follows its motion, at no more than the
+# least deviation of outliers; and the share of all such stretches that this takes.
+STRETCH, FOLLOWED = 4, 0.25
 # Of the mixture with few outliers: iterations, and the largest share of these. Of that
 # with many: shares of inliers to begin with, iterations at most, and nats per track by
 # which the last of them makes it likelier. Of both: the least spread of logarithms.
@@ -113,7 +116,9 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
-        return self._lost(points, visibility, self.limits.sure, STRANGE)
+        outside = self._lost(points, visibility, self.limits.sure, STRANGE)
+        outside[outside] = ~self._followed(points[outside], visibility[outside])
+        return outside
 
     def doubtful(self, points, visibility):
         """Which tracks (n,) may be outliers, however strange they are.
@@ -128,6 +133,23 @@ class RigidOutliers:
         ndarray of bool, shape (n,)
         """
         return self._lost(points, visibility, self.limits.doubtful, 0.0)
+
+    def _followed(self, points, visibility):
+        """Which tracks follow a motion in some of their stretches, and slip in others.
+
+        Of a track that wanders, or is matched wrongly, no stretch is explained.
+        """
+        followed = np.zeros(len(points), dtype=bool)
+        if not len(points):
+            return followed
+        windows = self.windows.of(points, visibility)
+        limit = FEWEST_DEVIATIONS * windows.least_noise
+        for motion in windows.motions_again(self.motions):
+            deviations = windows.deviations_in_stretches(motion, STRETCH)
+            known = ~np.isnan(deviations).all(axis=1)
+            least = np.nanquantile(deviations[known], FOLLOWED, axis=1)
+            followed[known] |= least <= limit
+        return followed
 
     def _lost(self, points, visibility, limit, strange):
         windows = self.windows.of(points, visibility)
