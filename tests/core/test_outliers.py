@@ -92,6 +92,28 @@ def test_outliers_are_far_from_motions_and_from_neighbours(clip, found, remotene
     )
 
 
+def _with_steps(points, some, frames, steps):
+    """Points where some of the tracks are elsewhere by so many pixels in some frames."""
+    moved = points.copy()
+    moved[np.ix_(some, frames)] += steps
+    return moved
+
+
+def test_a_track_that_slips_is_of_the_motion_that_it_follows_otherwise(clip, found):
+    """It goes astray in the first frames or the last; one that wanders, in all."""
+    points, visibility, y = clip
+    some = np.flatnonzero(y == 0)[:10]
+    rng = np.random.default_rng(0)
+    slips = 60 * rng.standard_normal((10, 3, 2)).cumsum(axis=1)
+    wanders = 20 * rng.standard_normal((10, 10, 2)).cumsum(axis=1)
+    for frames in [7, 8, 9], [0, 1, 2]:
+        slipped = _with_steps(points, some, frames, slips)
+        assert found[-1].outside(slipped, visibility)[some].mean() <= 0.1
+        assert found[-1].doubtful(slipped, visibility)[some].mean() > 0.3
+    wandering = _with_steps(points, some, np.arange(10), wanders)
+    assert found[-1].outside(wandering, visibility)[some].all()
+
+
 def test_tracks_seen_in_no_window_are_not_judged(clip, found):
     points, visibility, _ = clip
     hidden = np.zeros_like(visibility)

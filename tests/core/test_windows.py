@@ -205,6 +205,31 @@ def test_residuals_are_relative_to_how_fast_tracks_move():
     assert_array_equal(windows.deviations(motion, some)[0], relative[some])
 
 
+@pytest.mark.parametrize("length", [4, 6, 20])
+def test_stretches_are_windows_of_fewer_frames(clip, length):
+    """The residuals of a stretch are those of tracks that no other frame sees."""
+    windows, y = clip
+    (motion,) = windows.fit([np.flatnonzero(y == 0)])
+    found = windows.deviations_in_stretches(motion, length)
+    length = min(length, windows.frames.shape[1])
+    starts = range(windows.frames.shape[1] - length + 1)
+    assert found.shape == (len(y), len(windows.frames) * len(starts))
+    columns = iter(found.T)
+    for window, frames in enumerate(windows.frames):
+        for start in starts:
+            here = frames[start : start + length]
+            seen = np.zeros_like(windows.visibility)
+            seen[:, here] = windows.visibility[:, here]
+            alone = windows.of(windows.points, seen)
+            (again,) = alone.motions_again([motion])
+            variances = windows.variances[:, window]
+            known = alone.freedom[:, window] > 0
+            expected = np.full(len(y), np.nan)
+            squares = again.squares[known, window] / alone.freedom[known, window]
+            expected[known] = np.sqrt(squares / variances[known])
+            assert_allclose(next(columns), expected)
+
+
 def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):
     windows, _ = clip
     (motion,) = windows.fit([np.arange(FEWEST_TRACKS - 1)])

@@ -360,22 +360,22 @@ class Windows:
         -------
         ndarray of shape (n_tracks, n_stretches)
             In calibrated coordinates, over what is usual at their speed; NaN where a
-            frame does not see a track.
+            track is seen too little.
         """
         length = min(length, self.frames.shape[1])
-        freedom = max(2 * length - 3, 1)
         n_starts = self.frames.shape[1] - length + 1
         found = np.full((len(self.points), len(self.frames), n_starts), np.nan)
         for window, start in np.ndindex(found.shape[1:]):
-            stretch = slice(start, start + length)
-            seen = self.seen[window, :, stretch].all(axis=1)
-            pose = motion.poses[window]
-            if pose is not None and seen.any():
+            pose, stretch = motion.poses[window], slice(start, start + length)
+            seen = self.seen[window, :, stretch]
+            some = np.flatnonzero(seen.sum(axis=1) >= FEWEST_SEEN)
+            if pose is not None and len(some):
                 here = Poses(*(each[None, stretch] for each in pose))
-                x = self.x[window, seen, stretch]
-                squares = squared_residuals(x, np.ones(x.shape[:2], bool), here)[0]
-                variances = freedom * self.variances[seen, window]
-                found[seen, window, start] = np.sqrt(squares / variances)
+                x, seen = self.x[window, some, stretch], seen[some]
+                squares = squared_residuals(x, seen, here)[0]
+                freedom = 2 * seen.sum(axis=1) - 3
+                squares /= freedom * self.variances[some, window]
+                found[some, window, start] = np.sqrt(squares)
         return found.reshape(len(self.points), -1)
 
     def explained(self, motion, tracks, most):
