@@ -108,7 +108,7 @@ def test_a_track_that_slips_is_of_the_motion_that_it_follows_otherwise(clip, fou
     wanders = 20 * rng.standard_normal((10, 10, 2)).cumsum(axis=1)
     for frames in [7, 8, 9], [0, 1, 2]:
         slipped = _with_steps(points, some, frames, slips)
-        assert found[-1].outside(slipped, visibility)[some].mean() <= 0.1
+        assert found[-1].outside(slipped, visibility)[some].mean() < 0.3
         assert found[-1].doubtful(slipped, visibility)[some].mean() > 0.3
     wandering = _with_steps(points, some, np.arange(10), wanders)
     assert found[-1].outside(wandering, visibility)[some].all()
