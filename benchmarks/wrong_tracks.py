@@ -4,9 +4,9 @@
         [--seeds 0 1 2] [--jobs N] [--json FILE]
 
 To the tracks of KT3DMoSeg and of every sixth sequence of Hopkins155, walks are added,
-which begin anywhere: each has a drift and steps of its own, of about the size by which
-the tracks of the sequence move from frame to frame. They have no true motion. Errors
-are those of the other tracks, in percent.
+which begin anywhere and are seen in all frames: each has a drift and steps of its own,
+of about the size by which the tracks of the sequence move from frame to frame. They
+have no true motion. Errors are those of the other tracks, in percent.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from . import report
 from .measuring import show_progress
 
 LOADERS = {"KT3DMoSeg": load_kt3dmoseg, "Hopkins155": load_hopkins155}
-# Steps and drifts of walks, over the usual step of the tracks, and the least of that in
-# pixels.
+# Steps of walks, over the usual one of the tracks; their drifts, over their own steps;
+# and the least usual step, pixels.
 STEPS, MOST_DRIFT, LEAST_STEP = (0.3, 1.5), 1.5, 0.5
 COLUMNS = {
     "": lambda row: row["row"],
@@ -58,7 +58,7 @@ def with_walks(X, y, share, seed):
     points, seen = unpack_tracks(X)
     rng = np.random.RandomState(seed)
     n, n_frames = seen.shape
-    n_walks = int(share * n / (1 - share))
+    n_walks = round(share * n / (1 - share))
     moves = np.diff(points, axis=1)[seen[:, 1:] & seen[:, :-1]]
     usual = max(LEAST_STEP, float(np.median(np.linalg.norm(moves, axis=1))))
     shape = n_walks, 1, 1

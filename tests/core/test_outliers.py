@@ -16,7 +16,9 @@ from skmotionseg._core.geometry.coverage import Neighbours
 from skmotionseg._core.geometry.windows import Windows
 from skmotionseg._core.partition.outliers import (
     FEWEST_DEVIATIONS,
+    FEWEST_FITTED,
     LEAST_SPREAD,
+    MOST_TIMES,
     REMOTE,
     STRANGE,
     RigidOutliers,
@@ -93,7 +95,7 @@ def test_outliers_are_far_from_motions_and_from_neighbours(clip, found, remotene
 
 
 def _with_steps(points, some, frames, steps):
-    """Points where some of the tracks are elsewhere by so many pixels in some frames."""
+    """Points where some of the tracks are elsewhere by so much in some frames."""
     moved = points.copy()
     moved[np.ix_(some, frames)] += steps
     return moved
@@ -112,6 +114,31 @@ def test_a_track_that_slips_is_of_the_motion_that_it_follows_otherwise(clip, fou
         assert found[-1].doubtful(slipped, visibility)[some].mean() > 0.3
     wandering = _with_steps(points, some, np.arange(10), wanders)
     assert found[-1].outside(wandering, visibility)[some].all()
+
+
+@pytest.mark.parametrize(
+    ("of_two_motions", "followed"),
+    [
+        ([[1, 1, 9, 9, 9, 9, 9, 9], [9, 9, 9, 9, 9, 9, 9, 9]], True),
+        ([[1, 9, 9, 9, 9, 9, 9, 9], [9, 9, 9, 9, 9, 9, 9, 9]], False),
+        ([[1, 9, 9, 9, 9, 9, 9, 9], [9, 9, 9, 9, 9, 9, 9, 1]], False),
+        ([[1, 9, 9, 9, None, None, None, None], [9, 9, 9, 9] + 4 * [None]], True),
+        ([[9, 9, 9, 9, 9, 9, 9, 9], [1] + 7 * [None]], False),
+        ([8 * [None], 8 * [None]], False),
+    ],
+)
+def test_slipping_tracks_follow_one_motion_in_a_quarter_of_their_stretches(
+    found, of_two_motions, followed
+):
+    """Those that any motion judges count, not those of the motion alone."""
+    deviations = np.array(of_two_motions, dtype=float)[:, None]
+    windows = SimpleNamespace(least_noise=1.0)
+    windows.of = lambda *_: windows
+    windows.motions_again = lambda motions: motions
+    windows.deviations_in_stretches = lambda motion, _: deviations[motion]
+    outliers = replace(found[-1], windows=windows, motions=[0, 1])
+    one = np.zeros((1, 10, 2)), np.ones((1, 10), dtype=bool)
+    assert_array_equal(outliers._followed(*one), [followed])
 
 
 def test_tracks_seen_in_no_window_are_not_judged(clip, found):
@@ -133,7 +160,7 @@ def test_residuals_far_from_all_others_are_of_outliers():
     assert_array_equal(residuals > limit, np.arange(360) >= 300)
 
 
-@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.6])
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.45, 0.55])
 def test_outliers_may_be_many(share):
     """The spread of all residuals is then wide, and says that none of them is far."""
     rng = np.random.default_rng(0)
@@ -166,6 +193,19 @@ def test_normal_distributions_are_those_of_scikit_learn(n_parts):
     assert_allclose(ours.criterion(x), theirs.bic(x[:, None]))
 
 
+def test_most_tracks_are_no_outliers():
+    """A tenth is explained far better than the others: they are the exceptions."""
+    rng = np.random.default_rng(0)
+    residuals = np.r_[rng.lognormal(-0.9, 0.2, 40), rng.lognormal(2.5, 0.2, 360)]
+    assert (residuals > outlier_limits(residuals, 1000.0).doubtful).mean() < 0.01
+
+
+def test_a_few_tracks_tell_of_no_outliers():
+    residuals = np.r_[np.linspace(0.3, 0.4, FEWEST_FITTED - 1), 500.0]
+    assert outlier_limits(residuals[1:], 1000.0) == (np.inf, np.inf)
+    assert outlier_limits(residuals, 1000.0).sure < 500.0
+
+
 def test_inliers_may_be_of_two_kinds():
     """Half of the tracks are a little worse: none is an outlier, some are doubtful."""
     rng = np.random.default_rng(0)
@@ -181,7 +221,9 @@ def test_outliers_are_no_usual_neighbours():
     moves = 2 + steps * rng.standard_normal((200, 12, 2))
     points = rng.uniform(0, 300, (200, 1, 2)) + moves.cumsum(axis=1)
     visibility = np.ones((200, 12), dtype=bool)
-    remoteness = Neighbours(points, visibility).remoteness(points, visibility)
+    remoteness = Neighbours(points, visibility, MOST_TIMES).remoteness(
+        points, visibility
+    )
     assert np.mean(remoteness[100:] > REMOTE) > 0.9
     assert np.mean(remoteness[:100] > REMOTE) < 0.1
 

@@ -14,6 +14,7 @@ from skmotionseg._core.geometry.tracks import unpack_tracks
 from skmotionseg._core.graph.clustering import cluster_graph
 from skmotionseg._core.graph.cuts import own_shares
 from skmotionseg._core.graph.fusion import kernel_addition
+from skmotionseg._core.partition import search
 from skmotionseg._core.partition.clip import sparse_views
 from skmotionseg._core.partition.cost import Cost
 from skmotionseg._core.partition.rigid_partitions import RigidPartitions
@@ -55,6 +56,74 @@ def test_tracks_that_were_left_out_are_in_the_motion_of_their_nearest():
     assert_array_equal(best[1][1], np.zeros(8))
     assert_array_equal(best[2][1], [1, 1, 1, 0, 0, 0, 0, 0])
     assert [cost for cost, _ in best.values()] == [Cost(0, 1, 1), Cost(0, 2, 2)]
+
+
+class _Doubts:
+    """Explains a clip by which of its tracks, 0 to n, are doubtful: those named."""
+
+    def __init__(self, names, doubtful, of=None):
+        self.names, self.doubted, self.of = names, doubtful, of
+
+    def doubtful(self, points, visibility, labels):
+        return np.isin(self.names, self.doubted)
+
+    def among(self, points, visibility):
+        return _Doubts(self.names, self.doubted, of=len(points))
+
+
+@pytest.mark.parametrize(
+    ("doubted", "nothing_after", "searched", "left"),
+    [
+        ([[]], None, [100], 100),
+        ([[5, 6, 7]], None, [100], 100),  # 3 % are few
+        ([range(10), range(10, 13), range(10, 12)], None, [100, 90, 87], 87),
+        ([range(9), range(10, 20), range(20, 30), range(30, 40)], None,
+         [100, 91, 81, 71], 71),
+        ([range(10), range(10, 20)], 1, [100], 100),
+        ([range(10), range(10, 20)], 2, [100, 90], 90),
+    ],
+)  # fmt: skip
+def test_motions_are_searched_again_without_doubtful_tracks(
+    monkeypatch, doubted, nothing_after, searched, left
+):
+    """Until few are doubtful, or the rest tells little; three times at most."""
+    sizes = []
+
+    def clip_of(names):
+        n = len(names)
+        return SimpleNamespace(
+            names=names,
+            points=np.zeros((n, 4, 2)),
+            visibility=np.ones((n, 4), dtype=bool),
+            views=np.ones((1, n, n)),
+            affinity=np.ones((n, n)),
+            of=lambda kept: clip_of(names[kept]),
+        )
+
+    def by_rigid_motion(clip, counts, focal_length, starts=()):
+        if len(sizes) == nothing_after:
+            return None
+        if sizes:  # what was found before is where the search begins again
+            (start,) = starts
+            assert_array_equal(start, clip.names < 50)
+        sizes.append(len(clip.names))
+        labels = (clip.names < 50).astype(int)
+        return _Found({2: (Cost(0, 1, 1), labels)}, 2, {}, {})
+
+    def explain(clip, found):
+        return _Doubts(clip.names, list(doubted[min(len(sizes), len(doubted)) - 1]))
+
+    monkeypatch.setattr(search, "_by_rigid_motion", by_rigid_motion)
+    monkeypatch.setattr(search, "_explain", explain)
+    found, explanation = search._by_motions(clip_of(np.arange(100)), [2], None)
+    assert sizes == searched
+    assert len(explanation.names) == left
+    # What is an outlier is decided for all tracks, and each has a label.
+    assert explanation.of == (None if left == 100 else 100)
+    labels = found.best[2][1]
+    kept = explanation.names
+    assert_array_equal(labels[kept], kept < 50)
+    assert len(labels) == 100 and (labels >= 0).all()
 
 
 @pytest.mark.parametrize("larger, smaller", [(0, 2), (2, 0)])

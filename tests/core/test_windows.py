@@ -230,6 +230,17 @@ def test_stretches_are_windows_of_fewer_frames(clip, length):
             assert_allclose(next(columns), expected)
 
 
+def test_nothing_is_known_of_stretches_where_a_motion_was_not_fitted(clip):
+    windows, y = clip
+    (motion,) = windows.fit([np.flatnonzero(y == 0)])
+    fitted = windows.deviations_in_stretches(motion, 4)
+    lost = motion._replace(poses=(None, *motion.poses[1:]))
+    found = windows.deviations_in_stretches(lost, 4)
+    of_first = np.arange(found.shape[1]) < found.shape[1] // len(windows.frames)
+    assert np.isnan(found[:, of_first]).all()
+    assert_array_equal(found[:, ~of_first], fitted[:, ~of_first])
+
+
 def test_too_few_tracks_have_no_motion_and_nothing_is_known_of_them(clip):
     windows, _ = clip
     (motion,) = windows.fit([np.arange(FEWEST_TRACKS - 1)])

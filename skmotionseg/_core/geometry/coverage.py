@@ -26,10 +26,9 @@ NEVER_MET = 100.0
 LEAST_DISTANCE = 1e-6
 # Which neighbour says how far a track is from others.
 NEIGHBOUR = 3
-# Distances from neighbours of the quarter of the tracks that have the least, and so
-# many times these at most is what neighbours are compared with: outliers, where they
-# are many, have each other as neighbours. Of more tracks than this, some are asked.
-NEAREST, MOST_TIMES, MOST_ASKED = 0.25, 4.0, 1000
+# The share of the tracks that are nearest to their neighbours, by which a limit is set
+# to what is usual, and how many tracks are asked for it.
+NEAREST, MOST_ASKED = 0.25, 1000
 
 
 def draw_covering(points, visibility, n_landmarks, random_state):
@@ -120,9 +119,14 @@ class Neighbours:
     ----------
     points : ndarray of shape (n, n_frames, 2)
     visibility : ndarray of bool, shape (n, n_frames)
+    most_times : float, default=inf
+        How many times the distance of the nearest quarter of the tracks from their
+        neighbours is usual, at most: outliers, where they are many, have each other as
+        neighbours.
     """
 
-    def __init__(self, points, visibility):
+    def __init__(self, points, visibility, most_times=np.inf):
+        self._most_times = most_times
         self._scaling = _scaling(points, visibility)
         self._channels = _scaled(points, visibility, self._scaling)
 
@@ -130,8 +134,7 @@ class Neighbours:
         """How much farther tracks are from their neighbours than these are from theirs.
 
         The local outlier factor (Breunig et al. 2000) of the third neighbour, in place
-        and displacement; what is usual there is three times what it is for the nearest
-        quarter of all, at most.
+        and displacement.
 
         Parameters
         ----------
@@ -160,11 +163,13 @@ class Neighbours:
     @cached_property
     def _most(self):
         """The largest squared distance from neighbours that is usual."""
+        if np.isinf(self._most_times):
+            return np.inf
         n = len(self._channels[0][0])
         some = self._distances(np.linspace(0, n - 1, min(n, MOST_ASKED)).astype(int))
         known = some[np.isfinite(some)]
-        most = MOST_TIMES**2 * np.quantile(known, NEAREST) if len(known) else np.inf
-        return max(most, LEAST_DISTANCE)
+        nearest = np.quantile(known, NEAREST) if len(known) else np.inf
+        return max(self._most_times**2 * nearest, LEAST_DISTANCE)
 
     def _distances(self, tracks):
         """Squared distances (m,) of some of the tracks from their neighbours."""

@@ -184,9 +184,7 @@ class Windows:
         """Take tracks."""
         self.points, self.visibility = points, visibility
         self.seen = np.stack([visibility[:, frames] for frames in self.frames])
-        times_seen = self.seen.sum(axis=2).T
-        enough = times_seen >= FEWEST_SEEN
-        self.freedom = np.where(enough, 2 * times_seen - 3, 0)
+        self.freedom = _freedom(self.seen).T
         speeds = np.stack([self._speeds(k) for k in range(len(self.frames))], axis=1)
         noise = NOISE_PER_MOTION * speeds * REFERENCE_WIDTH / self.size
         self.variances = 1 + (noise / LEAST_NOISE) ** 2
@@ -359,22 +357,21 @@ class Windows:
         Returns
         -------
         ndarray of shape (n_tracks, n_stretches)
-            In calibrated coordinates, over what is usual at their speed; NaN where a
-            track is seen too little.
+            In calibrated coordinates, over what is usual at their speed in the window;
+            NaN where a track is seen too little, or the motion was not fitted.
         """
         length = min(length, self.frames.shape[1])
         n_starts = self.frames.shape[1] - length + 1
         found = np.full((len(self.points), len(self.frames), n_starts), np.nan)
         for window, start in np.ndindex(found.shape[1:]):
             pose, stretch = motion.poses[window], slice(start, start + length)
-            seen = self.seen[window, :, stretch]
-            some = np.flatnonzero(seen.sum(axis=1) >= FEWEST_SEEN)
+            x, seen = self.x[window, :, stretch], self.seen[window, :, stretch]
+            freedom = _freedom(seen)
+            some = np.flatnonzero(freedom)
             if pose is not None and len(some):
                 here = Poses(*(each[None, stretch] for each in pose))
-                x, seen = self.x[window, some, stretch], seen[some]
-                squares = squared_residuals(x, seen, here)[0]
-                freedom = 2 * seen.sum(axis=1) - 3
-                squares /= freedom * self.variances[some, window]
+                squares = squared_residuals(x[some], seen[some], here)[0]
+                squares /= freedom[some] * self.variances[some, window]
                 found[some, window, start] = np.sqrt(squares)
         return found.reshape(len(self.points), -1)
 
@@ -519,6 +516,15 @@ def at_all_distances(offsets, n):
     x, y = np.abs(offsets).T
     order = np.lexsort((y, x))
     return order[np.linspace(0, len(order) - 1, n).astype(int)]
+
+
+def _freedom(seen):
+    """Residuals of tracks less the three numbers that place each; 0 for too few.
+
+    Over the last axis, of frames.
+    """
+    times_seen = seen.sum(axis=-1)
+    return np.where(times_seen >= FEWEST_SEEN, 2 * times_seen - 3, 0)
 
 
 class _Job(NamedTuple):

@@ -261,7 +261,8 @@ class Explanation:
         -------
         ndarray of bool, shape (n,)
         """
-        doubtful = self.reject(points, visibility, labels) < 0
+        unexplained = replace(self, odd=None).reject(points, visibility, labels)
+        doubtful = unexplained < 0
         if self.odd is not None:
             doubtful |= self.odd.doubtful(points, visibility)
         return doubtful

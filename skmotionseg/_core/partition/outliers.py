@@ -31,17 +31,19 @@ FEWEST_DEVIATIONS = 8.0
 # trackers are right, half as many are taken for outliers.
 REMOTE = 1.5
 STRANGE = 48.0
+# What is usual for a neighbour, over what is for the nearest quarter of all, at most.
+MOST_TIMES = 4.0
 # Frames of a window in which a track that slips follows its motion, at no more than the
 # least deviation of outliers; and the share of all such stretches that this takes.
 STRETCH, FOLLOWED = 4, 0.25
-# Of the mixture with few outliers: iterations, and the largest share of these. Of that
-# with many: shares of inliers to begin with, iterations at most, and nats per track by
-# which the last of them makes it likelier. Of both: the least spread of logarithms.
-ITERATIONS, MOST_OUTLIERS = 60, 0.6
+# Of the mixture with few outliers: iterations. Of that with many: shares of inliers to
+# begin with, iterations at most, and nats per track by which the last of them makes it
+# likelier. Of both: the least spread of logarithms, and the largest share of outliers.
+ITERATIONS = 60
 BEGINNINGS, MOST_ITERATIONS, CONVERGED = (0.8, 0.55, 0.3), 100, 1e-3
-LEAST_SPREAD = 0.15
+LEAST_SPREAD, MOST_OUTLIERS = 0.15, 0.6
 # Tracks that a mixture is fitted to, at least.
-FEWEST_TOLD = 5
+FEWEST_FITTED = 5
 # Residuals below this share of the least noise are as good as none.
 LEAST_RESIDUAL = 0.02
 
@@ -54,7 +56,8 @@ class Limits(NamedTuple):
     sure : float
         Infinite if there are none.
     doubtful : float
-        That motions are searched again without; less or the same.
+        Above which they are left out where motions are searched again; at most
+        ``sure``.
     """
 
     sure: float
@@ -85,7 +88,7 @@ class RigidOutliers:
     def of(cls, windows, motions):
         """Those of motions that were found."""
         limits = _limits_in(windows, motions)
-        neighbours = Neighbours(windows.points, windows.visibility)
+        neighbours = Neighbours(windows.points, windows.visibility, MOST_TIMES)
         return cls(windows, motions, limits, neighbours)
 
     def among(self, points, visibility):
@@ -116,7 +119,7 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
-        outside = self._lost(points, visibility, self.limits.sure, STRANGE)
+        outside = self._far_and_remote(points, visibility, self.limits.sure, STRANGE)
         outside[outside] = ~self._followed(points[outside], visibility[outside])
         return outside
 
@@ -132,26 +135,26 @@ class RigidOutliers:
         -------
         ndarray of bool, shape (n,)
         """
-        return self._lost(points, visibility, self.limits.doubtful, 0.0)
+        return self._far_and_remote(points, visibility, self.limits.doubtful, 0.0)
 
     def _followed(self, points, visibility):
-        """Which tracks follow a motion in some of their stretches, and slip in others.
-
-        Of a track that wanders, or is matched wrongly, no stretch is explained.
-        """
-        followed = np.zeros(len(points), dtype=bool)
+        """Which tracks follow one motion in enough of their stretches: they slipped."""
         if not len(points):
-            return followed
+            return np.zeros(0, dtype=bool)
         windows = self.windows.of(points, visibility)
-        limit = FEWEST_DEVIATIONS * windows.least_noise
-        for motion in windows.motions_again(self.motions):
-            deviations = windows.deviations_in_stretches(motion, STRETCH)
-            known = ~np.isnan(deviations).all(axis=1)
-            least = np.nanquantile(deviations[known], FOLLOWED, axis=1)
-            followed[known] |= least <= limit
-        return followed
+        deviations = np.stack(
+            [
+                windows.deviations_in_stretches(motion, STRETCH)
+                for motion in windows.motions_again(self.motions)
+            ]
+        )
+        n_stretches = (~np.isnan(deviations)).any(axis=0).sum(axis=1)
+        near = deviations <= FEWEST_DEVIATIONS * windows.least_noise
+        most = near.sum(axis=2).max(axis=0)
+        return (most > 0) & (most >= FOLLOWED * n_stretches)
 
-    def _lost(self, points, visibility, limit, strange):
+    def _far_and_remote(self, points, visibility, limit, strange):
+        """Which tracks are above a limit, and at least so strange."""
         windows = self.windows.of(points, visibility)
         residuals = least_residuals(windows, windows.motions_again(self.motions))
         far = np.isfinite(residuals) & (residuals > limit)
@@ -206,25 +209,25 @@ def outlier_limits(residuals, largest):
     Limits
     """
     x = np.log(np.clip(residuals, LEAST_RESIDUAL, largest))
-    if len(x) < FEWEST_TOLD or np.ptp(x) == 0:
+    if len(x) < FEWEST_FITTED or np.ptp(x) == 0:
         return Limits(np.inf, np.inf)
-    few, _ = _limit(x, *_few_outliers(x, np.log(largest)))
-    many, usual = _limit(x, *_many_outliers(x))
+    few = _limit(x, *_few_outliers(x, np.log(largest)))
+    probabilities, centre, usual = _many_outliers(x)
+    many = _limit(x, probabilities, centre)
     # Where these are usually no farther than that, they are inliers of another kind.
     sure = many if usual >= FEWEST_DEVIATIONS else np.inf
     return Limits(min(few, sure), min(few, many))
 
 
 def _limit(x, probabilities, centre):
-    """The residual of sure outliers, and their usual one, by logarithms (n,)."""
+    """The residual above which outliers are sure, by logarithms (n,) of residuals."""
     sure = (probabilities > SURELY) & (x > centre)
     if not sure.any():
-        return np.inf, np.inf
+        return np.inf
     # Halfway to the largest of the others, so that rounding decides nothing.
     least = x[sure].min()
     limit = np.exp((least + x[x < least].max()) / 2)
-    usual = np.exp(np.average(x, weights=probabilities))
-    return max(float(limit), FEWEST_DEVIATIONS), float(usual)
+    return max(float(limit), FEWEST_DEVIATIONS)
 
 
 def _few_outliers(x, largest):
@@ -251,10 +254,12 @@ def _few_outliers(x, largest):
 
 
 def _many_outliers(x):
-    """The same by two normal distributions, where these are better than one.
+    """The same by two normal distributions, and the usual residual of outliers.
 
-    By the Bayesian information criterion. From the spread of all, it would end at one
-    that is wide, and says that nothing is far; so it begins with several shares.
+    Where one distribution has the lower Bayesian information criterion, or the farther
+    one has most of the tracks, there are none. From the spread of all, the mixture
+    would end at one that is wide, and says that nothing is far; so it begins with
+    several shares.
     """
     splits = [x <= np.quantile(x, share) for share in BEGINNINGS]
     alone = _Normals.fitted(x, [x])
@@ -262,15 +267,16 @@ def _many_outliers(x):
         _Normals.fitted(x, [x[near], x[~near]]) for near in splits if not near.all()
     ]
     best = min([alone, *mixtures], key=lambda mixture: mixture.criterion(x))
-    if best is alone:
-        return np.zeros(len(x)), np.inf
-    near, far = np.argsort(best.means)
+    near, far = np.argsort(best.means)[[0, -1]]
+    if best is alone or best.shares[far] > MOST_OUTLIERS:
+        return np.zeros(len(x)), np.inf, np.inf
     logs = best.log_densities(x)
-    return np.exp(logs[far] - logsumexp(logs, axis=0)), best.means[near]
+    probabilities = np.exp(logs[far] - logsumexp(logs, axis=0))
+    return probabilities, best.means[near], np.exp(best.means[far])
 
 
 class _Normals(NamedTuple):
-    """A mixture of normal distributions: each (K,)."""
+    """A mixture of normal distributions, without scikit-learn: each (K,)."""
 
     shares: np.ndarray
     means: np.ndarray
