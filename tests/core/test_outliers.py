@@ -197,7 +197,7 @@ def test_most_tracks_are_no_outliers():
     """A tenth is explained far better than the others: they are the exceptions."""
     rng = np.random.default_rng(0)
     residuals = np.r_[rng.lognormal(-0.9, 0.2, 40), rng.lognormal(2.5, 0.2, 360)]
-    assert (residuals > outlier_limits(residuals, 1000.0).doubtful).mean() < 0.01
+    assert (residuals > outlier_limits(residuals, 1000.0).sure).mean() < 0.01
 
 
 def test_a_few_tracks_tell_of_no_outliers():

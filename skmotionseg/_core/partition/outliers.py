@@ -212,11 +212,9 @@ def outlier_limits(residuals, largest):
     if len(x) < FEWEST_FITTED or np.ptp(x) == 0:
         return Limits(np.inf, np.inf)
     few = _limit(x, *_few_outliers(x, np.log(largest)))
-    probabilities, centre, usual = _many_outliers(x)
+    probabilities, centre, are_sure = _many_outliers(x)
     many = _limit(x, probabilities, centre)
-    # Where these are usually no farther than that, they are inliers of another kind.
-    sure = many if usual >= FEWEST_DEVIATIONS else np.inf
-    return Limits(min(few, sure), min(few, many))
+    return Limits(min(few, many if are_sure else np.inf), min(few, many))
 
 
 def _limit(x, probabilities, centre):
@@ -254,12 +252,11 @@ def _few_outliers(x, largest):
 
 
 def _many_outliers(x):
-    """The same by two normal distributions, and the usual residual of outliers.
+    """The same by two normal distributions, and whether the farther is of outliers.
 
-    Where one distribution has the lower Bayesian information criterion, or the farther
-    one has most of the tracks, there are none. From the spread of all, the mixture
-    would end at one that is wide, and says that nothing is far; so it begins with
-    several shares.
+    Where one distribution has the lower Bayesian information criterion, there are none.
+    From the spread of all, the mixture would end at one that is wide, and says that
+    nothing is far; so it begins with several shares.
     """
     splits = [x <= np.quantile(x, share) for share in BEGINNINGS]
     alone = _Normals.fitted(x, [x])
@@ -268,11 +265,14 @@ def _many_outliers(x):
     ]
     best = min([alone, *mixtures], key=lambda mixture: mixture.criterion(x))
     near, far = np.argsort(best.means)[[0, -1]]
-    if best is alone or best.shares[far] > MOST_OUTLIERS:
-        return np.zeros(len(x)), np.inf, np.inf
+    if best is alone:
+        return np.zeros(len(x)), np.inf, False
     logs = best.log_densities(x)
     probabilities = np.exp(logs[far] - logsumexp(logs, axis=0))
-    return probabilities, best.means[near], np.exp(best.means[far])
+    # If they are usually near, or most of the tracks, they are inliers of another kind.
+    are_sure = np.exp(best.means[far]) >= FEWEST_DEVIATIONS
+    are_sure &= best.shares[far] <= MOST_OUTLIERS
+    return probabilities, best.means[near], are_sure
 
 
 class _Normals(NamedTuple):
