@@ -26,9 +26,10 @@ SURELY = 0.99
 FEWEST_DEVIATIONS = 8.0
 # Remoteness from neighbours of tracks that do not go with them, and what residual, in
 # those standard deviations, times remoteness is at least: real trackers drift, so that
-# neither alone says enough. On simulated scenes 45 % of the outliers are found so, and
-# 0.05 % of the others, as with a remoteness of 2 and no product; but where real
-# trackers are right, half as many are taken for outliers.
+# neither alone says enough. With a remoteness of 2 and no product as many outliers of
+# simulated scenes are found, but where real trackers are right, twice as many tracks
+# are taken for outliers. In 112 scenes 37 % of the outliers are rejected, and 0.04 % of
+# the others; most of what is left slips, or is near a motion.
 REMOTE = 1.5
 STRANGE = 48.0
 # What is usual for a neighbour, over what is for the nearest quarter of all, at most.
