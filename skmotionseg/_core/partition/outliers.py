@@ -5,7 +5,8 @@ some trackers drift, some groups bend. So what is far is decided by all tracks o
 clip, as a mixture of two: residuals of inliers, whose logarithms are normally
 distributed, and of outliers. These may be few, and anything up to the size of the
 image, or many, and of about one size. A track that goes with its neighbours is none,
-however badly it is explained: people and animals are not rigid.
+however badly it is explained: people and animals are not rigid. Nor is one that follows
+a motion and slips at times: trackers lose points, and find them again.
 """
 
 from __future__ import annotations
