@@ -184,7 +184,7 @@ class Windows:
         """Take tracks."""
         self.points, self.visibility = points, visibility
         self.seen = np.stack([visibility[:, frames] for frames in self.frames])
-        self.freedom = _freedom(self.seen).T
+        self.freedom = freedom_of_tracks(self.seen).T
         speeds = np.stack([self._speeds(k) for k in range(len(self.frames))], axis=1)
         noise = NOISE_PER_MOTION * speeds * REFERENCE_WIDTH / self.size
         self.variances = 1 + (noise / LEAST_NOISE) ** 2
@@ -366,7 +366,7 @@ class Windows:
         for window, start in np.ndindex(found.shape[1:]):
             pose, stretch = motion.poses[window], slice(start, start + length)
             x, seen = self.x[window, :, stretch], self.seen[window, :, stretch]
-            freedom = _freedom(seen)
+            freedom = freedom_of_tracks(seen)
             some = np.flatnonzero(freedom)
             if pose is not None and len(some):
                 here = Poses(*(each[None, stretch] for each in pose))
@@ -518,10 +518,16 @@ def at_all_distances(offsets, n):
     return order[np.linspace(0, len(order) - 1, n).astype(int)]
 
 
-def _freedom(seen):
+def freedom_of_tracks(seen):
     """Residuals of tracks less the three numbers that place each; 0 for too few.
 
-    Over the last axis, of frames.
+    Parameters
+    ----------
+    seen : ndarray of bool, shape (..., n_frames)
+
+    Returns
+    -------
+    ndarray of int, shape (...)
     """
     times_seen = seen.sum(axis=-1)
     return np.where(times_seen >= FEWEST_SEEN, 2 * times_seen - 3, 0)

@@ -15,7 +15,7 @@ from ..geometry.rigid_motion import (
     squared_residuals,
 )
 from ..geometry.rigid_motion import inverse_depths as track_depths
-from ..geometry.windows import FEWEST_SEEN, NOISE_PER_MOTION
+from ..geometry.windows import FEWEST_SEEN, NOISE_PER_MOTION, freedom_of_tracks
 
 # Frames that are looked at: those in which a usual track lives on, and depth shows.
 LENGTH = 12
@@ -67,8 +67,7 @@ class Window:
     def __init__(self, points, seen, camera):
         self.camera, self.seen, self._points = camera, seen, points
         self.x = np.where(seen[..., None], camera.calibrated(points), 0)
-        times = seen.sum(axis=1)
-        self.freedom = np.where(times >= FEWEST_SEEN, 2 * times - 3, 0)
+        self.freedom = freedom_of_tracks(seen)
         noise = NOISE_PER_MOTION * self._speeds() / (camera.unit * camera.noise)
         self.variances = 1 + noise**2
 
