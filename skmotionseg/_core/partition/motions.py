@@ -236,15 +236,8 @@ class Explanation:
         -------
         ndarray of int, shape (n,)
         """
-        distances = self.motions.distances(points, visibility)
-        own = distances[labels, np.arange(len(labels))]
-        unexplained = ~np.isnan(own) & ~inliers(self.motions, distances).any(axis=0)
-        left = np.flatnonzero(unexplained)
-        if len(left) and len(self.spare.noise):
-            distances = self.spare.distances(points[left], visibility[left])
-            left = left[~inliers(self.spare, distances).any(axis=0)]
         labels = labels.copy()
-        labels[left] = -1
+        labels[self._unexplained(points, visibility, labels)] = -1
         if self.odd is not None:
             labels[self.odd.outside(points, visibility)] = -1
         return labels
@@ -261,11 +254,21 @@ class Explanation:
         -------
         ndarray of bool, shape (n,)
         """
-        unexplained = replace(self, odd=None).reject(points, visibility, labels)
-        doubtful = unexplained < 0
+        doubtful = self._unexplained(points, visibility, labels)
         if self.odd is not None:
             doubtful |= self.odd.doubtful(points, visibility)
         return doubtful
+
+    def _unexplained(self, points, visibility, labels):
+        """Which tracks (n,) are inliers of nothing that frame pairs tell."""
+        distances = self.motions.distances(points, visibility)
+        own = distances[labels, np.arange(len(labels))]
+        unexplained = ~np.isnan(own) & ~inliers(self.motions, distances).any(axis=0)
+        left = np.flatnonzero(unexplained)
+        if len(left) and len(self.spare.noise):
+            distances = self.spare.distances(points[left], visibility[left])
+            unexplained[left] = ~inliers(self.spare, distances).any(axis=0)
+        return unexplained
 
     def among(self, points, visibility):
         """The same for more tracks than those that were searched."""

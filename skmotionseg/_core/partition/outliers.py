@@ -266,9 +266,9 @@ def _many_outliers(x):
         _Normals.fitted(x, [x[near], x[~near]]) for near in splits if not near.all()
     ]
     best = min([alone, *mixtures], key=lambda mixture: mixture.criterion(x))
-    near, far = np.argsort(best.means)[[0, -1]]
     if best is alone:
         return np.zeros(len(x)), np.inf, False
+    near, far = np.argsort(best.means)
     logs = best.log_densities(x)
     probabilities = np.exp(logs[far] - logsumexp(logs, axis=0))
     # If they are usually near, or most of the tracks, they are inliers of another kind.
