@@ -32,8 +32,8 @@ def test_the_sparsest_graph_comes_first_and_has_as_many_clusters_as_asked_for():
     graphs = clip.graphs(4)
     assert len(graphs) == 2
     assert all(1 < graph.n_leading <= 4 for graph in graphs)
-    for labels in clip.over_segments(graphs):
-        assert labels.shape == y.shape
+    for graph in graphs:
+        assert clip.over_segments(graph).shape == y.shape
 
 
 def test_halves_of_a_group_are_by_the_graph_of_its_tracks():

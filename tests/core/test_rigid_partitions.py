@@ -30,7 +30,7 @@ from skmotionseg._core.partition.rigid_partitions import (
     _fine_enough,
     _judged_by_longer_windows,
     _n_apart,
-    calibrated_paths,
+    calibrated_path,
     rank,
     rigid_partitions,
     with_odds,
@@ -140,29 +140,30 @@ def test_the_focal_length_is_looked_at_again_in_larger_groups(street):
     pieces = canonical_labels((middle > np.median(middle, axis=0)) @ [2, 1] + 4 * y)
     for each in (first, search):
         each.calibrate(pieces)
-    calibrated_paths(search, [pieces])
+    calibrated_path(search, pieces)
     before, after = (
         abs(np.log(each.windows.focal_length / true)) for each in (first, search)
     )
     assert after < 0.05 < before
 
 
-def test_each_over_segmentation_is_merged_from_its_own_groups(scene):
-    """In their order, whether the camera is looked at again in the first or not."""
+def test_over_segments_are_merged_by_the_camera_that_was_found(scene):
+    """From their own groups, whether the camera is looked at again or not."""
     points, visibility, affinity, y = scene
     side = np.nanmean(points, axis=1)
-    segmentations = [canonical_labels(2 * y + (x > np.median(x))) for x in side.T]
     for focal_length in (None, 1.0):
-        search = RigidSearch(Windows(points, visibility), affinity, None, focal_length)
-        search.calibrate(segmentations[0])
-        paths = calibrated_paths(search, segmentations)
-        starts = [path[0].labels for path in paths]
-        for start, labels in zip(starts, segmentations, strict=True):
-            assert misclassification_error(labels, start) < 0.05
-        assert {path[-1].n_motions for path in paths} == {1}
-        assert focal_length in (None, search.windows.focal_length)
-        for path, labels in zip(paths, segmentations, strict=True):
-            again = done(search, search.descent(labels, 1))
+        for x in side.T:
+            pieces = canonical_labels(2 * y + (x > np.median(x)))
+            search = RigidSearch(
+                Windows(points, visibility), affinity, None, focal_length
+            )
+            search.calibrate(pieces)
+            path = calibrated_path(search, pieces)
+            assert misclassification_error(pieces, path[0].labels) < 0.05
+            counts = [step.n_motions for step in path]
+            assert counts == list(range(pieces.max() + 1, 0, -1))
+            assert focal_length in (None, search.windows.focal_length)
+            again = done(search, search.descent(pieces, 1))
             energies = [[step.energy for step in each] for each in (path, again)]
             assert_allclose(*energies, rtol=1e-3)
 
@@ -174,7 +175,7 @@ def found_in(scene, counts):
     pieces = canonical_labels(2 * y + (side > np.median(side)))
     return rigid_partitions(
         search_of(scene),
-        [pieces],
+        pieces,
         counts,
         candidates=lambda n_motions: [],
         bisect=lambda group: None,
@@ -267,12 +268,12 @@ def test_more_over_segments_where_few_mix_motions(n_groups, noise, tried, taken)
 
     def finer(number):
         asked.append(number)
-        return [of_number[number]]
+        return of_number[number]
 
     for most, expected in ((n_groups, n_groups), (20, taken)):
         search.restart(of_number[n_groups])
         before = search.noise
-        (found,) = _fine_enough(search, [of_number[n_groups]], most, finer)
+        found = _fine_enough(search, of_number[n_groups], most, finer)
         assert_array_equal(found, of_number[expected])
         assert (search.noise < 0.6 * before) == (expected > n_groups)
     assert asked == tried
@@ -282,7 +283,7 @@ def test_nothing_is_found_where_nothing_can_be_parted(scene):
     search = search_of(scene)
     whole = np.zeros(len(scene[0]), dtype=int)
     found = rigid_partitions(
-        search, [whole], np.array([3]), lambda n_motions: [], lambda group: None
+        search, whole, np.array([3]), lambda n_motions: [], lambda group: None
     )
     assert found is None or found.steps[3].n_motions == 3
 

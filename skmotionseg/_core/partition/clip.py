@@ -79,9 +79,9 @@ class Clip:
         """Labels of all tracks by a graph of them."""
         return cluster_all(graph, count, self.affinity, self.cluster)
 
-    def over_segments(self, graphs):
-        """A partition by each graph into as many clusters as it has."""
-        return [self.clusters(graph, graph.n_leading) for graph in graphs]
+    def over_segments(self, graph):
+        """A partition by a graph into as many clusters as it has."""
+        return self.clusters(graph, graph.n_leading)
 
     def bisect(self, group):
         """Which tracks of a group are in the smaller of two halves; None if none are.

@@ -93,9 +93,12 @@ def _candidates(clip, counts):
     for graph in chain(*graphs):
         for count in counts[(counts > 1) & (counts <= graph.n_leading)]:
             yield clip.clusters(graph, int(count))
-    for over_segments in clip.over_segments(graphs[-1]):
+    for graph in graphs[-1]:
         yield from merge_path(
-            over_segments, clip.affinity, clip.judge.lengths[0], max(2, int(counts[0]))
+            clip.over_segments(graph),
+            clip.affinity,
+            clip.judge.lengths[0],
+            max(2, int(counts[0])),
         )
 
 

@@ -26,9 +26,10 @@ ROUNDS = 6
 NATS_OF_ODDS = 0.3
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
-# Numbers of motions beyond the one chosen so far that are searched, too, unless by the
-# log odds there are hardly as many (one in twenty): where two are missing, their tracks
-# are mixed until both are there.
+# Numbers of motions beyond the one chosen so far that are searched, too: the next one,
+# unless by the log odds there are hardly as many (one in twenty), and that behind it
+# where the best split is apart: two motions that are missing are mixed until both are
+# there.
 LOOKAHEAD, HOPELESS = 2, -3.0
 
 
@@ -60,8 +61,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
     Parameters
     ----------
     search : RigidSearch
-    over_segments : list of ndarray of int, shape (n,)
-        Partitions to merge.
+    over_segments : ndarray of int, shape (n,)
+        Groups to merge.
     counts : ndarray of int, shape (n_counts,)
         Numbers of motions that may be.
     candidates : callable
@@ -69,7 +70,7 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
     bisect : callable
         Takes the positions of a group to booleans, or to None if it cannot be parted.
     finer : callable, optional
-        ``n_groups -> list of labels (n,)``: over-segments, perhaps fewer groups.
+        ``n_groups -> labels (n,) or None``: over-segments, perhaps fewer groups.
 
     Returns
     -------
@@ -78,23 +79,19 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
     """
     fewest, most = int(counts[0]), int(counts[-1])
     bisect = _once_per_group(bisect)
-    search.calibrate(over_segments[0])
+    search.calibrate(over_segments)
     if finer is not None:
         over_segments = _fine_enough(search, over_segments, most, finer)
-    paths = calibrated_paths(search, over_segments)
-    steps: dict[int, Step] = {}
-    for step in (step for path in paths for step in path):
-        n = step.n_motions
-        if fewest <= n <= most and (n not in steps or step.energy < steps[n].energy):
-            steps[n] = step
+    path = calibrated_path(search, over_segments)
+    steps = {step.n_motions: step for step in path if fewest <= step.n_motions <= most}
 
     def best_into(n_motions, *others):
-        starts = _of_number(search, n_motions, paths, candidates, bisect)
+        starts = _of_number(search, n_motions, path, candidates, bisect)
         (best,) = search.run(_best_improved(search, starts, bisect, others))
         is_open = best is not None and fewest < most
         return _judged_by_longer_windows(search, best) if is_open else best
 
-    chosen = max(_n_apart(path, fewest, most) for path in paths)
+    chosen = _n_apart(path, fewest, most)
     while True:
         found = best_into(chosen)
         if found is None:
@@ -106,7 +103,8 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
     tried = chosen
     while tried < min(chosen + LOOKAHEAD, most):
         (grown,) = search.run(_split_best(search, steps[tried], bisect))
-        if grown is None or grown.log_odds < HOPELESS:
+        least = HOPELESS if tried == chosen else 0.0
+        if grown is None or grown.log_odds < least:
             break
         tried += 1
         steps[tried] = found = best_into(tried, grown)
@@ -120,46 +118,41 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
 def _fine_enough(search, over_segments, most, finer):
     """Over-segments that mix no motions, and the search calibrated by them."""
     while search.noise > ROUGH:
-        noise, n_groups = search.noise, int(over_segments[0].max()) + 1
-        more = finer(2 * n_groups) if n_groups < most else []
-        if not more or more[0].max() < n_groups:
+        noise, n_groups = search.noise, int(over_segments.max()) + 1
+        more = finer(2 * n_groups) if n_groups < most else None
+        if more is None or more.max() < n_groups:
             break
-        search.restart(more[0])
+        search.restart(more)
         if search.noise > LESS_ROUGH * noise:
-            search.restart(over_segments[0])
+            search.restart(over_segments)
             break
         over_segments = more
     return over_segments
 
 
-def calibrated_paths(search, over_segments):
-    """Descents from over-segments to one group, seen by a calibrated camera.
+def calibrated_path(search, over_segments):
+    """The descent from over-segments to one group, seen by a calibrated camera.
 
     Over-segments are small and nearly flat, so they tell little of the focal length;
     with a wrong one, a scene is not quite one rigid motion, and is torn where it is
-    large. So it is looked at again when the first of them are merged, and if it has
-    changed, they are merged once more.
+    large. So it is looked at again when they are merged, and if it has changed, they
+    are merged once more.
 
     Parameters
     ----------
     search : RigidSearch
-        Calibrated by the first of them.
-    over_segments : list of ndarray of int, shape (n,)
+        Calibrated by them.
+    over_segments : ndarray of int, shape (n,)
 
     Returns
     -------
-    list of list of Step
+    list of Step
     """
-    first, *others = over_segments
-    (path,) = _descents(search, [first])
+    (path,) = search.run(search.descent(over_segments, 1))
     last = _last_apart(path)
     if search.calibrate(last.labels, FOCAL_STEPS[:2], last.motions):
-        return _descents(search, over_segments)
-    return [path, *_descents(search, others)]
-
-
-def _descents(search, over_segments):
-    return search.run(*(search.descent(some, 1) for some in over_segments))
+        (path,) = search.run(search.descent(over_segments, 1))
+    return path
 
 
 def _last_apart(path):
@@ -199,19 +192,16 @@ def _once_per_group(bisect):
     return remembered
 
 
-def _of_number(search, n_motions, paths, candidates, bisect):
+def _of_number(search, n_motions, path, candidates, bisect):
     """Searches for partitions into so many motions, from several starts."""
     settled = [
         search.settled(step.labels, step.motions, ROUNDS)
-        for path in paths
         for step in path
         if step.n_motions == n_motions
     ]
     settled += [search.settled(some, rounds=ROUNDS) for some in candidates(n_motions)]
     searches = [_step_of(search, each, lambda n: n == n_motions) for each in settled]
-    return searches + [
-        _apart_and_split(search, path, n_motions, bisect) for path in paths
-    ]
+    return [*searches, _apart_and_split(search, path, n_motions, bisect)]
 
 
 def _best_improved(search, searches, bisect, others=()):

@@ -338,10 +338,11 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     search = RigidSearch(windows, affinity, few, share)
 
     def finer(n_groups):
-        return clip.over_segments(clip.graphs(n_groups))
+        graphs = clip.graphs(n_groups)
+        return clip.over_segments(graphs[0]) if graphs else None
 
     found = rigid_partitions(
-        search, clip.over_segments(graphs), counts, candidates, clip.bisect, finer
+        search, clip.over_segments(graphs[0]), counts, candidates, clip.bisect, finer
     )
     return None if found is None else _rigid_costs(search, found)
 
