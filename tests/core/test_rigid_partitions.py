@@ -227,19 +227,28 @@ def test_a_number_that_a_bad_partition_confirms_does_not_hold(
     assert found.steps[right + 1].log_odds <= 0
 
 
-@pytest.mark.parametrize(("odds", "expected"), [(-1.0, 3), (HOPELESS - 0.1, 1)])
+@pytest.mark.parametrize(
+    ("odds", "of_split", "expected"),
+    [(-1.0, 0.1, 3), (-1.0, -0.1, 1), (HOPELESS - 0.1, 0.1, 1)],
+)
 def test_a_number_is_sought_behind_one_that_hardly_holds(
-    scene, any_number, monkeypatch, odds, expected
+    scene, any_number, monkeypatch, odds, of_split, expected
 ):
-    """Unless it is sure that there are not as many as that one."""
+    """If a split is apart, and it is not sure that there are not as many as that."""
     assert any_number.chosen == 3
-    improved = module._best_improved
+    improved, split_best = module._best_improved, module._split_best
 
     def doubted(*args):
         best = yield from improved(*args)
         return best._replace(log_odds=odds) if best.n_motions == 2 else best
 
+    def split(*args):
+        best = yield from split_best(*args)
+        into_three = best is not None and best.n_motions == 3
+        return best._replace(log_odds=of_split) if into_three else best
+
     monkeypatch.setattr(module, "_best_improved", doubted)
+    monkeypatch.setattr(module, "_split_best", split)
     monkeypatch.setattr(module, "_n_apart", lambda *_: 1)
     assert found_in(scene, ANY_NUMBER).chosen == expected
 

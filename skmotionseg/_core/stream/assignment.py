@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import KDTree
 
-from ..geometry.rigid_motion import FREEDOM
+from ..geometry.rigid_motion import nats_of_residuals
 
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
@@ -111,8 +111,7 @@ def measure(window, fits, scale, rows=None, groups=None, relative=True):
     for k, (fit, group) in enumerate(zip(fits, groups or [], strict=False)):
         fitted = group if rows is None else np.isin(rows, group)
         squares[fitted, k] *= window.inflation(group, fit)
-    ratio = np.where(freedom > 0, squares, 0) / (FREEDOM * scale**2)
-    nats = (FREEDOM + freedom) / 2 * np.log1p(ratio)
+    nats = nats_of_residuals(np.where(freedom > 0, squares, 0), freedom, scale)
     per_residual = np.minimum(nats / np.maximum(freedom, 1), MOST_NATS)
     per_residual = np.where(freedom > 0, per_residual, MOST_NATS)
     nats = per_residual * window.freedom[every][:, None]
