@@ -121,7 +121,7 @@ def search_partitions(
 ):
     """Find the best partition for each of several numbers of motions.
 
-    Candidates are spectral clusterings for several sparsities and over-segmentations
+    Candidates are spectral clusterings for several sparsities and over-segments
     that are merged step by step. Where tracks are seen in several frames, the judge is
     rigid motion over windows of frames (see :mod:`.rigid_partitions`), and where
     outliers are many, motions are searched again without them; of few or short tracks,
