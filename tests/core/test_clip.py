@@ -29,7 +29,7 @@ def test_a_part_of_a_clip_has_the_affinities_of_its_tracks():
 
 def test_the_sparsest_graph_comes_first_and_has_as_many_clusters_as_asked_for():
     clip, y = scene(lambda graph, count: y % count)
-    graphs = clip.graphs(4)
+    graphs = list(clip.graphs(4))
     assert len(graphs) == 2
     assert all(1 < graph.n_leading <= 4 for graph in graphs)
     for graph in graphs:

@@ -36,7 +36,7 @@ def test_over_segments_are_those_that_consist_of_some_tracks_mostly():
     clip = SimpleNamespace(
         points=np.zeros((15, 2, 2)),
         sparse=[np.equal.outer(labels, labels).astype(float)[None]],
-        clusters=lambda graph, count: labels.copy(),
+        over_segments=lambda graph: labels.copy(),
     )
     some = np.isin(np.arange(15), [0, 1, 2, 6, 7, 8, 11, 12, 13, 14])
     found = _segments_of(clip, some)

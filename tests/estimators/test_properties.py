@@ -417,10 +417,9 @@ def is_quick(case):
     Those of junk take 12 seconds where they are eight.
     """
     X = case[1].matrix()
-    seen = visible(X)
-    if X.shape[1] <= 2 * 5 or np.isinf(X).any() or seen.sum(axis=1).max() < 2:
+    points, seen = X.reshape(len(X), -1, 2), visible(X)
+    if points.shape[1] <= 5 or np.isinf(X).any() or seen.sum(axis=1).max() < 2:
         return True
-    points = X.reshape(len(X), -1, 2)
     return not photograph_partitions.are_photographs(points, seen)
 
 

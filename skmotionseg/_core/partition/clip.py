@@ -70,10 +70,12 @@ class Clip:
         return motions.distances(self.points, self.visibility)
 
     def graphs(self, most):
-        """Graphs of so many clusters at most, the sparsest first, that have some."""
+        """Yield graphs of so many clusters at most, and some, the sparsest first."""
         most = min(most, len(self.points))
-        graphs = [ViewGraph.from_affinities(views, most) for views in self.sparse[::-1]]
-        return [graph for graph in graphs if graph.n_leading > 1]
+        for views in self.sparse[::-1]:
+            graph = ViewGraph.from_affinities(views, most)
+            if graph.n_leading > 1:
+                yield graph
 
     def clusters(self, graph, count):
         """Labels of all tracks by a graph of them."""

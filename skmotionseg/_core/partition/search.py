@@ -320,7 +320,7 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     if windows is None:
         return None
     most = max(OVERSEGMENTATION, int(counts[0]) + 2)
-    graphs = clip.graphs(most)
+    graphs = list(clip.graphs(most))
     if not graphs:
         return None
     few = strongest(views[0], LINKS)
@@ -338,8 +338,8 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     search = RigidSearch(windows, affinity, few, share)
 
     def finer(n_groups):
-        graphs = clip.graphs(n_groups)
-        return clip.over_segments(graphs[0]) if graphs else None
+        sparsest = next(clip.graphs(n_groups), None)
+        return None if sparsest is None else clip.over_segments(sparsest)
 
     found = rigid_partitions(
         search, clip.over_segments(graphs[0]), counts, candidates, clip.bisect, finer
@@ -443,6 +443,6 @@ def _segments_of(clip, some):
     )
     labels = np.zeros(len(clip.points), dtype=int)
     if graph.n_leading > 1:
-        labels = clip.clusters(graph, graph.n_leading)
+        labels = clip.over_segments(graph)
     mostly = 2 * np.bincount(labels, weights=some) > np.bincount(labels)
     return canonical_labels(np.where(mostly[labels], labels, -1))
