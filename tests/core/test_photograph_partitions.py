@@ -111,3 +111,16 @@ def test_the_default_parts_photographs():
     again = segmenter.predict(pack_tracks(points + 0.01, seen))
     inside = segmenter.labels_ >= 0
     assert (again == segmenter.labels_)[inside].mean() > 0.9
+
+
+def test_photographs_that_hold_mismatches_alone_have_no_motion():
+    rng = np.random.RandomState(0)
+    points, seen = rng.uniform(0, 500, (24, 8, 2)), rng.uniform(size=(24, 8)) < 0.8
+    seen[:, :3] = True
+    points[~seen] = np.nan
+    X = pack_tracks(points, seen)
+    segmenter = MotionSegmenter(random_state=0).fit(X)
+    assert segmenter.n_motions_ == 0
+    assert_array_equal(segmenter.labels_, np.full(24, -1))
+    assert_array_equal(segmenter.predict(X), segmenter.labels_)
+    assert_array_equal(segmenter.predict(X[:5] + 3), np.full(5, -1))

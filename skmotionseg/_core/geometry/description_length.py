@@ -265,7 +265,8 @@ def description_lengths(geometry, groups, lower_rank=nearest_rank_two):
     list of DescriptionLength
     """
     lengths: dict[int, DescriptionLength] = {}
-    for some in _batches([len(members) for members in groups], len(geometry.seen)):
+    most = BATCH / len(geometry.seen)
+    for some in by_size([len(members) for members in groups], most):
         x, y, seen = geometry.of_groups([groups[k] for k in some])
         _, residuals = robust_fits(x, y, seen, lower_rank)
         by_group = (np.split(each, len(some)) for each in (residuals, seen))
@@ -274,11 +275,22 @@ def description_lengths(geometry, groups, lower_rank=nearest_rank_two):
     return [lengths[k] for k in range(len(groups))]
 
 
-def _batches(sizes, n_pairs):
-    """Yield groups of about one size, as many as a batch may hold, one at least."""
+def by_size(sizes, most):
+    """Yield positions of about one size, as many as a batch may hold, one at least.
+
+    Parameters
+    ----------
+    sizes : list of int
+    most : float
+        Of the largest size in a batch times its length.
+
+    Yields
+    ------
+    list of int
+    """
     some: list[int] = []
     for k in sorted(range(len(sizes)), key=sizes.__getitem__):
-        if some and (len(some) + 1) * sizes[k] * n_pairs > BATCH:
+        if some and (len(some) + 1) * sizes[k] > most:
             yield some
             some = []
         some.append(k)

@@ -9,6 +9,10 @@ Student's t: across the epipolar line, as wide as the noise, and along it, about
 affine map, as wide as the parallax of the thing. A plane or a distant thing has next to
 no parallax; the density knows its points in both coordinates then, as a homography
 does, and no choice between models is needed.
+
+Two images may be one pair of several, whose motions are fitted side by side: all arrays
+have an axis of the pairs (...) before the others then, and where one pair sees fewer
+tracks than another, or tells nothing of a motion, shares in them are 0.
 """
 
 from __future__ import annotations
@@ -51,18 +55,22 @@ class TwoViews:
 
     Attributes
     ----------
-    x, y : ndarray of shape (n, 3)
+    x, y : ndarray of shape (..., n, 3)
         Homogeneous, in working units, the origin amid the tracks of each image.
-    side : float
+    side : float or ndarray of shape (...)
         Side of a square as large as what the tracks cover, in working units.
     """
 
     x: np.ndarray
     y: np.ndarray
-    side: float
+    side: float | np.ndarray
 
     def __len__(self):
-        return len(self.x)
+        return self.x.shape[-2]
+
+    def of_pairs(self, pairs):
+        """The same in some of several pairs of images."""
+        return TwoViews(self.x[pairs], self.y[pairs], np.asarray(self.side)[pairs])
 
     @property
     def pixel(self):
@@ -76,27 +84,29 @@ class TwoViews:
 
     @cached_property
     def equations(self):
-        """Products of entries of the epipolar equations, (n, 81)."""
+        """Products of entries of the epipolar equations, (..., n, 81)."""
         return _products(epipolar_equations(self.x, self.y))
 
     @cached_property
     def joint(self):
-        """Products of both places and 1, (n, 25)."""
-        return _products(np.concatenate([self.x[:, :2], self.y], axis=1))
+        """Products of both places and 1, (..., n, 25)."""
+        return _products(np.concatenate([self.x[..., :2], self.y], axis=-1))
 
     @cached_property
     def places(self):
-        """Products of the places in the first image, (n, 9)."""
+        """Products of the places in the first image, (..., n, 9)."""
         return _products(self.x)
 
     @cached_property
     def moves(self):
-        """Products of the places in both images, (n, 6)."""
-        return (self.x[:, :, None] * self.y[:, None, :2]).reshape(len(self), 6)
+        """Products of the places in both images, (..., n, 6)."""
+        products = self.x[..., :, None] * self.y[..., None, :2]
+        return products.reshape(*self.x.shape[:-1], 6)
 
 
 def _products(rows):
-    return (rows[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    products = rows[..., :, None] * rows[..., None, :]
+    return products.reshape(*rows.shape[:-1], -1)
 
 
 def two_views(x, y, side=None):
@@ -131,13 +141,13 @@ class TwoViewMotions:
 
     Attributes
     ----------
-    fundamental : ndarray of shape (M, 3, 3)
+    fundamental : ndarray of shape (..., M, 3, 3)
         Of rank two.
-    affine : ndarray of shape (M, 3, 2)
+    affine : ndarray of shape (..., M, 3, 2)
         Takes homogeneous places of the first image, as rows, to the second.
-    noise, parallax : ndarray of shape (M,)
+    noise, parallax : ndarray of shape (..., M)
         Widths of the density across and along the epipolar line, in working units.
-    n_unknowns : ndarray of int, shape (M,)
+    n_unknowns : ndarray of int, shape (..., M)
         Of the epipolar geometry: 4 of an affine and 7 of a perspective camera.
     """
 
@@ -164,10 +174,14 @@ class TwoViewMotions:
         return [getattr(self, field.name) for field in fields(self)]
 
     def replaced(self, where, other):
-        """These motions, but those of another stack where it is true, (M,)."""
+        """These motions, but those of another stack where it is true, (..., M)."""
         return TwoViewMotions(
             *(
-                np.where(where.reshape(-1, *[1] * (own.ndim - 1)), theirs, own)
+                np.where(
+                    where.reshape(*where.shape, *[1] * (own.ndim - where.ndim)),
+                    theirs,
+                    own,
+                )
                 for own, theirs in zip(self._parts, other._parts, strict=True)
             )
         )
@@ -180,12 +194,12 @@ class TwoViewMotions:
         return TwoViewMotions(*parts)
 
     def log_densities(self, views):
-        """Log density of each point of the second image, (M, n), given the first."""
+        """Log density (..., M, n) of points of the second image, given the first."""
         across, along, _ = squared_distances(self.fundamental, self.affine, views)
         return self.log_densities_at(across, along)
 
     def log_densities_at(self, across, along):
-        """The same of points whose squared distances (M, n) are known."""
+        """The same of points whose squared distances (..., M, n) are known."""
         return log_student(across, self.noise) + log_student(along, self.parallax)
 
     def with_mismatches(self, views):
@@ -194,7 +208,7 @@ class TwoViewMotions:
         return np.concatenate([self.log_densities(views), mismatches])
 
     def costs(self, views):
-        """Nats to write down each motion, (M,).
+        """Nats to write down each motion, (..., M).
 
         Each unknown costs what a coordinate that may be anywhere costs more than one
         that is known: so many coordinates of tracks determine the motion, and are not
@@ -206,18 +220,23 @@ class TwoViewMotions:
         )
 
     def lengths(self, views, shares, log_densities):
-        """Nats (M,) of motions, and of where their shares (M, n) in the tracks are."""
-        return self.costs(views) - (shares * log_densities).sum(axis=1)
+        """Nats (..., M) of motions, and of where their shares (..., M, n) are."""
+        return self.costs(views) - (shares * log_densities).sum(axis=-1)
 
     def costs_of_geometry(self, views):
-        """The part of them, (M,), that motions of one epipolar geometry pay once."""
+        """The part of them, (..., M), that motions of one geometry pay once."""
         return self.n_unknowns * _known(views, self.noise)
 
 
 def _known(views, widths):
     """Nats that a coordinate tells that is known but for so much, at least 1."""
     certain = np.log(views.side / np.sqrt(2 * np.pi * np.e))
-    return np.maximum(certain - np.log(widths), 1)
+    return np.maximum(_of_pairs(certain) - np.log(widths), 1)
+
+
+def _of_pairs(values):
+    """A value per pair of images (...), to go with one per motion (..., M)."""
+    return np.asarray(values)[..., None]
 
 
 def log_student(squares, scale, dimension=1):
@@ -225,30 +244,30 @@ def log_student(squares, scale, dimension=1):
 
     Parameters
     ----------
-    squares : ndarray of shape (M, n)
-    scale : ndarray of shape (M,)
+    squares : ndarray of shape (..., M, n)
+    scale : ndarray of shape (..., M)
     dimension : int, default=1
 
     Returns
     -------
-    ndarray of shape (M, n)
+    ndarray of shape (..., M, n)
     """
     half = (FREEDOM + dimension) / 2
     constant = float(gammaln(half) - gammaln(FREEDOM / 2))
     constant -= dimension / 2 * np.log(FREEDOM * np.pi)
     # Not log1p, which on many processors is not vectorised and takes up to eight times
     # as long: digits that the sum loses are of 1e-16 nats, or 1e-7 in single precision.
-    logarithms = squares * (1 / (FREEDOM * scale**2))[:, None]
+    logarithms = squares * (1 / (FREEDOM * scale**2))[..., None]
     logarithms += 1
     np.log(logarithms, out=logarithms)
     logarithms *= -half
-    logarithms += (constant - dimension * np.log(scale))[:, None]
+    logarithms += (constant - dimension * np.log(scale))[..., None]
     return logarithms
 
 
 def _weights(squares, scale):
-    """Weights of the squares (M, n) of a t distribution in its likelihood equations."""
-    return (FREEDOM + 1) / (FREEDOM + squares / scale[:, None] ** 2)
+    """Weights of squares (..., M, n) in the likelihood equations of Student's t."""
+    return (FREEDOM + 1) / (FREEDOM + squares / scale[..., None] ** 2)
 
 
 def squared_distances(fundamental, affine, views):
@@ -256,30 +275,40 @@ def squared_distances(fundamental, affine, views):
 
     Parameters
     ----------
-    fundamental : ndarray of shape (M, 3, 3)
-    affine : ndarray of shape (M, 3, 2)
+    fundamental : ndarray of shape (..., M, 3, 3)
+    affine : ndarray of shape (..., M, 3, 2)
     views : TwoViews
 
     Returns
     -------
-    across : ndarray of shape (M, n)
+    across : ndarray of shape (..., M, n)
         Squared Sampson errors (Hartley and Zisserman 2004, eq. 11.9).
-    along : ndarray of shape (M, n)
+    along : ndarray of shape (..., M, n)
         Squared distances from where the affine map takes the track, parallel to the
         epipolar line in the second image.
-    gradient : ndarray of shape (M, n)
+    gradient : ndarray of shape (..., M, n)
         Squared gradient of the epipolar equation.
     """
-    x, y = views.x.T, views.y.T
     # Coordinates before tracks: sums over two or three neighbours in memory are slow.
-    lines, back = fundamental @ x, fundamental.swapaxes(1, 2) @ y  # (M, 3, n)
-    normal = lines[:, 0] ** 2 + lines[:, 1] ** 2
-    gradient = normal + back[:, 0] ** 2 + back[:, 1] ** 2
-    gradient = np.maximum(gradient, TINY)
-    across = (y[0] * lines[:, 0] + y[1] * lines[:, 1] + lines[:, 2]) ** 2 / gradient
-    gap = y[:2] - affine.swapaxes(1, 2) @ x  # (M, 2, n)
-    along = lines[:, 0] * gap[:, 1] - lines[:, 1] * gap[:, 0]
+    x, y = (_transposed(places)[..., None, :, :] for places in (views.x, views.y))
+    u, v = y[..., 0, :], y[..., 1, :]  # (..., 1, n)
+    a, b, c = _rows(fundamental @ x)
+    d, e, _ = _rows(_transposed(fundamental) @ y)
+    normal = a**2 + b**2
+    gradient = np.maximum(normal + d**2 + e**2, TINY)
+    across = (u * a + v * b + c) ** 2 / gradient
+    right, down = _rows(y[..., :2, :] - _transposed(affine) @ x)
+    along = a * down - b * right
     return across, along**2 / np.maximum(normal, TINY), gradient
+
+
+def _transposed(matrices):
+    return matrices.swapaxes(-1, -2)
+
+
+def _rows(matrices):
+    """Yield the rows (..., M, n) of matrices (..., M, k, n)."""
+    return (matrices[..., k, :] for k in range(matrices.shape[-2]))
 
 
 # ---------------------------------------------------------------------------- fitting
@@ -295,7 +324,7 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
     Parameters
     ----------
     views : TwoViews
-    shares : ndarray of shape (M, n)
+    shares : ndarray of shape (..., M, n)
         Probabilities that a track follows a motion.
     before : TwoViewMotions, optional
         None begins with equal weights of the tracks.
@@ -319,7 +348,7 @@ def fit_two_view_motions(views, shares, before=None, common_noise=True):
     ]
     (affine, _), (perspective, _) = found
     better = lengths[1] < lengths[0]
-    better &= shares.sum(axis=1) >= FEWEST_FOR_PERSPECTIVE
+    better &= shares.sum(axis=-1) >= FEWEST_FOR_PERSPECTIVE
     return affine.replaced(better, perspective)
 
 
@@ -371,26 +400,26 @@ def _begin(views, shares):
     return TwoViewMotions(
         fundamental,
         affine,
-        np.full(len(shares), MOST_NOISE * NOISE * views.pixel),
+        np.ones(shares.shape[:-1]) * _of_pairs(MOST_NOISE * NOISE * views.pixel),
         _parallax(views, shares, along),
-        np.full(len(shares), AFFINE_UNKNOWNS),
+        np.full(shares.shape[:-1], AFFINE_UNKNOWNS),
     )
 
 
 def _each(rows):
-    """Rows (M, n) of motions of their own."""
+    """Rows (..., M, n) of motions of their own."""
     return rows
 
 
 def _pooled(rows):
-    """The sum of rows (M, n), as one row: of motions that are one."""
-    return rows.sum(axis=0, keepdims=True)
+    """The sum of rows (..., M, n), as one row: of motions that are one."""
+    return rows.sum(axis=-2, keepdims=True)
 
 
 class _Weighted(NamedTuple):
-    """What motions are fitted to: weights (M, n) and gradients (M, n) of the tracks.
+    """What motions are fitted to: weights and gradients (..., M, n) of the tracks.
 
-    And the maps (M, 3, 2) along the lines, which are the same for any geometry.
+    And the maps (..., M, 3, 2) along the lines, which are the same for any geometry.
     """
 
     before: TwoViewMotions
@@ -410,52 +439,63 @@ def _weighted(views, shares, before):
 
 
 def _step(views, shares, weighted, fit, n_unknowns, common_noise, pool=_each):
-    """Motions whose geometry is fitted by a function, and squared distances (M, n)."""
+    """Motions whose geometry is fitted by a function, and squared distances."""
     before, affine = weighted.before, weighted.affine
     weights = pool(weighted.weights)
     # One geometry is fitted once: rows of a product of matrices that should be equal
     # need not be, to the last bit, on every processor.
-    fundamental = fit(views, weights, weighted.gradient[: len(weights)])
+    n_fitted = weights.shape[-2]
+    fundamental = fit(views, weights, weighted.gradient[..., :n_fitted, :])
     fundamental = np.broadcast_to(fundamental, before.fundamental.shape)
     across, along, _ = squared_distances(fundamental, affine, views)
     squares = pool(shares * _weights(across, before.noise) * across)
     noise = _noise(views, pool(shares), squares, n_unknowns, common_noise)
-    noise = np.broadcast_to(noise, len(shares))
+    noise = np.broadcast_to(noise, shares.shape[:-1])
     squares = _weights(along, before.parallax) * along
     parallax = np.maximum(_parallax(views, shares, squares), noise)
-    kinds = np.full(len(shares), n_unknowns)
+    kinds = np.full(shares.shape[:-1], n_unknowns)
     motions = TwoViewMotions(fundamental, affine, noise, parallax, kinds)
     return motions, (across, along)
 
 
 def _noise(views, shares, squares, n_unknowns, common_noise):
-    """Widths across the lines, (M,), from weighted squares (M, n)."""
-    pixel = views.pixel
-    sums, members = squares.sum(axis=1), shares.sum(axis=1)
+    """Widths across the lines, (..., M), from weighted squares (..., M, n)."""
+    pixel = _of_pairs(views.pixel)
+    sums, members = squares.sum(axis=-1), shares.sum(axis=-1)
     prior, weight = NOISE * pixel, 2.0
     if common_noise:
-        freedom = members.sum() - n_unknowns * len(shares)
-        freedom = max(freedom, 0) + TRACKS_OF_NOISE
-        prior = np.sqrt((sums.sum() + TRACKS_OF_NOISE * prior**2) / freedom)
-        weight = TRACKS_OF_COMMON_NOISE
+        n_motions = np.count_nonzero(members, axis=-1, keepdims=True)
+        freedom = members.sum(axis=-1, keepdims=True) - n_unknowns * n_motions
+        freedom = np.maximum(freedom, 0) + TRACKS_OF_NOISE
+        total = sums.sum(axis=-1, keepdims=True) + TRACKS_OF_NOISE * prior**2
+        prior, weight = np.sqrt(total / freedom), TRACKS_OF_COMMON_NOISE
     freedom = np.maximum(members - n_unknowns + weight, 1)
     noise = np.sqrt((sums + weight * prior**2) / freedom)
     return np.clip(noise, LEAST_NOISE * pixel, MOST_NOISE * NOISE * pixel)
 
 
 def _parallax(views, shares, squares):
-    """Widths along the lines, (M,), from weighted squares (M, n)."""
-    expected = TRACKS_OF_PARALLAX * (PARALLAX * views.side) ** 2
-    freedom = shares.sum(axis=1) - MAP_UNKNOWNS + TRACKS_OF_PARALLAX
-    variance = ((shares * squares).sum(axis=1) + expected) / np.maximum(freedom, 1)
-    return np.maximum(np.sqrt(variance), LEAST_NOISE * views.pixel)
+    """Widths along the lines, (..., M), from weighted squares (..., M, n)."""
+    expected = TRACKS_OF_PARALLAX * (PARALLAX * _of_pairs(views.side)) ** 2
+    freedom = shares.sum(axis=-1) - MAP_UNKNOWNS + TRACKS_OF_PARALLAX
+    variance = ((shares * squares).sum(axis=-1) + expected) / np.maximum(freedom, 1)
+    return np.maximum(np.sqrt(variance), LEAST_NOISE * _of_pairs(views.pixel))
+
+
+def _summed(weights, products, *shape):
+    """Products (..., n, k) summed with weights (..., M, n), as matrices of a shape."""
+    return (weights @ products).reshape(*weights.shape[:-1], *shape)
+
+
+def _trace(matrices):
+    return np.trace(matrices, axis1=-2, axis2=-1)[..., None, None]
 
 
 def _maps(views, weights):
-    """Affine maps (M, 3, 2) of least squared error."""
-    places = (weights @ views.places).reshape(-1, 3, 3)
-    moves = (weights @ views.moves).reshape(-1, 3, 2)
-    trace = np.trace(places, axis1=1, axis2=2)[:, None, None]
+    """Affine maps (..., M, 3, 2) of least squared error."""
+    places = _summed(weights, views.places, 3, 3)
+    moves = _summed(weights, views.moves, 3, 2)
+    trace = _trace(places)
     return np.linalg.solve(places + (1e-7 * trace + SINGULAR) * np.eye(3), moves)
 
 
@@ -464,26 +504,28 @@ def _affine_geometries(views, weights, gradient=None):
 
     Hartley and Zisserman 2004, algorithm 14.1, with weights.
     """
-    moments = (weights @ views.joint).reshape(-1, 5, 5)
-    total = moments[:, 4, 4] + SINGULAR
-    mean = moments[:, :4, 4] / total[:, None]
-    scatter = moments[:, :4, :4] / total[:, None, None]
-    scatter -= mean[:, :, None] * mean[:, None, :]
-    normal = np.linalg.eigh(scatter)[1][:, :, 0]  # (M, 4)
-    fundamental = np.zeros((len(weights), 3, 3))
-    fundamental[:, 2, :2], fundamental[:, :2, 2] = normal[:, :2], normal[:, 2:]
-    fundamental[:, 2, 2] = -(normal * mean).sum(axis=1)
+    moments = _summed(weights, views.joint, 5, 5)
+    total = moments[..., 4, 4] + SINGULAR
+    mean = moments[..., :4, 4] / total[..., None]
+    scatter = moments[..., :4, :4] / total[..., None, None]
+    scatter -= mean[..., :, None] * mean[..., None, :]
+    normal = np.linalg.eigh(scatter)[1][..., 0]  # (..., M, 4)
+    fundamental = np.zeros((*total.shape, 3, 3))
+    fundamental[..., 2, :2] = normal[..., :2]
+    fundamental[..., :2, 2] = normal[..., 2:]
+    fundamental[..., 2, 2] = -(normal * mean).sum(axis=-1)
     return fundamental
 
 
 def _perspective_geometries(views, weights, gradient):
-    """Fundamental matrices (M, 3, 3) of least weighted Sampson error."""
-    weights = weights / np.maximum(gradient, 1e-6 * gradient.max(axis=1, keepdims=True))
-    weights /= weights.max(axis=1, keepdims=True) + TINY
-    moments = (weights @ views.equations).reshape(-1, 9, 9)
-    trace = np.trace(moments, axis1=1, axis2=2)[:, None, None]
-    inverse = np.linalg.inv(moments / (trace + TINY) + SINGULAR * np.eye(9))
-    return cheapest_rank_two(inverse)
+    """Fundamental matrices (..., M, 3, 3) of least weighted Sampson error."""
+    least = 1e-6 * gradient.max(axis=-1, keepdims=True)
+    weights = weights / np.maximum(gradient, least)
+    weights /= weights.max(axis=-1, keepdims=True) + TINY
+    moments = _summed(weights, views.equations, 9, 9)
+    inverse = np.linalg.inv(moments / (_trace(moments) + TINY) + SINGULAR * np.eye(9))
+    found = cheapest_rank_two(inverse.reshape(-1, 9, 9))
+    return found.reshape(*weights.shape[:-1], 3, 3)
 
 
 # What is fitted, and how many unknowns it has.

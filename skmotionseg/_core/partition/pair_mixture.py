@@ -5,6 +5,9 @@ each pair that sees enough of it; a track has the same motion in all pairs. So t
 evidence of all pairs adds up, for a track and for a partition, where one pair alone
 tells too little. Of the motions of several surfaces, one map is right for some tracks
 alone: half of the density along the line is that of a track that may be anywhere on it.
+
+Pairs that see about as many tracks are fitted side by side: of a few dozen tracks each,
+many pairs take hardly longer than one.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..geometry.description_length import by_size
 from ..geometry.two_views import (
     TwoViewMotions,
     TwoViews,
@@ -37,6 +41,8 @@ ANYWHERE = 0.5
 FEWEST_TOLD = 5
 # Steps in which motions are fitted where there are none to begin with.
 FIRST_FITS = 3
+# Places of tracks in pairs that are fitted at a time.
+BATCH = 4096
 
 
 class ImagePair(NamedTuple):
@@ -46,11 +52,45 @@ class ImagePair(NamedTuple):
     views: TwoViews
 
 
+class PairBatch(NamedTuple):
+    """Pairs of images that see about as many tracks.
+
+    Attributes
+    ----------
+    pairs : ndarray of int, shape (p,)
+        Positions of the pairs.
+    tracks : ndarray of int, shape (p, n_most)
+        Where the tracks are; -1 after the last of a pair.
+    views : TwoViews
+        Of as many pairs and tracks; 0 after the last.
+    """
+
+    pairs: np.ndarray
+    tracks: np.ndarray
+    views: TwoViews
+
+
 class PairMotions(NamedTuple):
-    """The motions that a pair of images says something of; None if there are none."""
+    """Motions in pairs of images.
+
+    Attributes
+    ----------
+    told : ndarray of bool, shape (P, M)
+        Whether a pair says something of a motion.
+    motions : TwoViewMotions
+        Of P pairs and M motions each; any where a pair says nothing.
+    """
 
     told: np.ndarray
-    motions: TwoViewMotions | None
+    motions: TwoViewMotions
+
+    def of_pairs(self, pairs):
+        """The same of some pairs."""
+        return PairMotions(self.told[pairs], self.motions[pairs])
+
+    def reordered(self, order):
+        """The same with some of the motions, in another order."""
+        return PairMotions(self.told[:, order], self.motions[:, order])
 
 
 class Mixture(NamedTuple):
@@ -60,8 +100,8 @@ class Mixture(NamedTuple):
     ----------
     cost, data_cost : float
         Nats in all, and those of the places of the tracks.
-    models : list of PairMotions
-        Of each pair.
+    models : PairMotions
+        Of all pairs.
     shares : ndarray of shape (M + 1, n)
         Probabilities of the motions; the last row is that of a mismatch.
     labels : ndarray of int, shape (n,)
@@ -70,7 +110,7 @@ class Mixture(NamedTuple):
 
     cost: float
     data_cost: float
-    models: list
+    models: PairMotions
     shares: np.ndarray
     labels: np.ndarray
 
@@ -109,12 +149,37 @@ def image_pairs(frames, points, visibility, sides=None):
     ]
 
 
-def settled(pairs, shares, rounds):
-    """The mixture that is reached from the shares of the motions in the tracks.
+def in_batches(pairs):
+    """Put pairs of images side by side.
 
     Parameters
     ----------
     pairs : list of ImagePair
+
+    Returns
+    -------
+    list of PairBatch
+    """
+    batches = []
+    for some in by_size([len(pair.tracks) for pair in pairs], BATCH):
+        counts = np.array([len(pairs[k].tracks) for k in some])
+        seen = np.arange(counts.max()) < counts[:, None]
+        tracks = np.full(seen.shape, -1)
+        x, y = np.zeros((2, *seen.shape, 3))
+        tracks[seen] = np.concatenate([pairs[k].tracks for k in some])
+        x[seen] = np.concatenate([pairs[k].views.x for k in some])
+        y[seen] = np.concatenate([pairs[k].views.y for k in some])
+        side = np.array([pairs[k].views.side for k in some])
+        batches.append(PairBatch(np.array(some), tracks, TwoViews(x, y, side)))
+    return batches
+
+
+def settled(batches, shares, rounds):
+    """The mixture that is reached from the shares of the motions in the tracks.
+
+    Parameters
+    ----------
+    batches : list of PairBatch
     shares : ndarray of shape (M + 1, n)
     rounds : int
         Of fitting motions and assigning tracks.
@@ -123,37 +188,57 @@ def settled(pairs, shares, rounds):
     -------
     Mixture
     """
-    models = [None] * len(pairs)
+    models = None
     for _ in range(rounds):
-        models = [
-            _fitted(pair, shares, before)
-            for pair, before in zip(pairs, models, strict=True)
-        ]
-        evidence = log_evidence(pairs, models, shares.shape)
+        models = _fitted(batches, shares, models)
+        evidence = log_evidence(batches, models, shares.shape)
         shares = normalized(evidence + log_shares(shares)[:, None])
-    return _judged(pairs, models, shares, evidence)
+    return _judged(batches, models, shares, evidence)
 
 
-def _fitted(pair, shares, before):
-    """The motions of a pair, from those before if it tells of the same."""
-    shares = shares[:-1, pair.tracks]
-    told = np.flatnonzero(shares.sum(axis=1) >= FEWEST_TOLD)
-    if not len(told):
-        return PairMotions(told, None)
-    same = before is not None and np.array_equal(told, before.told)
-    motions = before.motions if same else None
-    for _ in range(1 if same else FIRST_FITS):
-        motions = fit_two_view_motions(pair.views, shares[told], motions)
+def _fitted(batches, shares, before):
+    """The motions of all pairs, from those before where they tell of the same."""
+    found = [
+        _fitted_to(batch, shares, before and before.of_pairs(batch.pairs))
+        for batch in batches
+    ]
+    told = np.concatenate([each.told for each in found])
+    motions = sum((each.motions for each in found[1:]), found[0].motions)
+    place = np.argsort(np.concatenate([batch.pairs for batch in batches]))
+    return PairMotions(told, motions).of_pairs(place)
+
+
+def _fitted_to(batch, shares, before):
+    """The motions of the pairs of a batch."""
+    shares = np.where(batch.tracks < 0, 0, shares[:-1, batch.tracks]).swapaxes(0, 1)
+    told = shares.sum(axis=-1) >= FEWEST_TOLD
+    shares = shares * told[..., None]
+    if before is None:
+        return PairMotions(told, _begun(batch.views, shares))
+    motions = fit_two_view_motions(batch.views, shares, before.motions)
+    new = np.flatnonzero((told != before.told).any(axis=1))
+    if len(new):
+        begun = _begun(batch.views.of_pairs(new), shares[new])
+        motions = motions.with_rows(new, begun)
     return PairMotions(told, motions)
 
 
-def log_evidence(pairs, models, shape):
+def _begun(views, shares):
+    """Motions where there are none to begin with."""
+    motions = None
+    for _ in range(FIRST_FITS):
+        motions = fit_two_view_motions(views, shares, motions)
+    return motions
+
+
+def log_evidence(batches, models, shape):
     """Log densities of tracks by motions, over those of mismatches, of all pairs.
 
     Parameters
     ----------
-    pairs : list of ImagePair
-    models : list of PairMotions
+    batches : list of PairBatch
+    models : PairMotions
+        Of all pairs.
     shape : (int, int)
         M + 1 and n.
 
@@ -162,33 +247,37 @@ def log_evidence(pairs, models, shape):
     ndarray of shape (M + 1, n)
         0 where no pair tells anything, and for mismatches.
     """
-    evidence = np.zeros(shape)
-    for pair, (told, motions) in zip(pairs, models, strict=True):
-        if len(told):
-            at = np.ix_(told, pair.tracks)
-            least = pair.views.log_density_of_mismatches
-            evidence[at] += _log_densities(pair.views, motions) - least
-    return evidence
+    n_rows, n_tracks = shape
+    evidence = np.zeros((n_rows, n_tracks + 1))  # the last is what pairs do not see
+    for pairs, tracks, views in batches:
+        told, motions = models.of_pairs(pairs)
+        least = np.reshape(views.log_density_of_mismatches, (-1, 1, 1))
+        gained = np.where(told[..., None], _log_densities(views, motions) - least, 0)
+        for places, some in zip(tracks, gained, strict=True):
+            evidence[:-1, places] += some
+    return evidence[:, :-1]
 
 
 def _log_densities(views, motions):
-    """Of a point of the second image, (M, n), which may be anywhere on its line."""
+    """Of a point of the second image, which may be anywhere on its line: (p, M, n)."""
     across, along, _ = squared_distances(motions.fundamental, motions.affine, views)
     near = log_student(along, motions.parallax) + np.log(1 - ANYWHERE)
-    anywhere = np.log(ANYWHERE) + views.log_density_of_mismatches / 2
+    least = np.reshape(views.log_density_of_mismatches, (-1, 1, 1))
+    anywhere = np.log(ANYWHERE) + least / 2
     return log_student(across, motions.noise) + np.logaddexp(near, anywhere)
 
 
-def _judged(pairs, models, shares, evidence):
+def _judged(batches, models, shares, evidence):
     """The mixture with its most probable labels and its cost."""
     n_motions = len(shares) - 1
     labels = np.where(evidence.any(axis=0), shares.argmax(axis=0), n_motions)
     names = nats_of_labels(labels, len(shares))
     unknowns = NATS_OF_MOTION * n_motions
     anywhere = 0.0
-    for pair, (told, motions) in zip(pairs, models, strict=True):
-        anywhere -= len(pair.tracks) * pair.views.log_density_of_mismatches
-        if len(told):
-            unknowns += motions.costs_of_geometry(pair.views).sum()
+    for pairs, tracks, views in batches:
+        told, motions = models.of_pairs(pairs)
+        unknowns += motions.costs_of_geometry(views)[told].sum()
+        n_seen = np.count_nonzero(tracks >= 0, axis=1)
+        anywhere -= (n_seen * views.log_density_of_mismatches).sum()
     data = anywhere - evidence[labels, np.arange(len(labels))].sum()
     return Mixture(float(data + names + unknowns), float(data), models, shares, labels)

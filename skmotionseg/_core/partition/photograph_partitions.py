@@ -20,6 +20,7 @@ from .pair_mixture import (
     Mixture,
     PairMotions,
     image_pairs,
+    in_batches,
     log_evidence,
     settled,
 )
@@ -87,15 +88,15 @@ class PhotographExplanation(ByDensity):
     frames : WorkingFrames
     sides : ndarray of shape (n_pairs,)
         As of :class:`TwoViews`.
-    models : list of PairMotions
-        Of each pair.
+    models : PairMotions
+        Of all pairs.
     log_shares : ndarray of shape (M + 1,)
         Logarithms of the shares of the tracks; the last is that of mismatches.
     """
 
     frames: WorkingFrames
     sides: np.ndarray
-    models: list
+    models: PairMotions
     log_shares: np.ndarray
 
     @property
@@ -105,43 +106,30 @@ class PhotographExplanation(ByDensity):
     @property
     def motions(self):
         """The motions as fundamental matrices and noise, that of the usual pair."""
-        shape = self.n_motions, len(self.models)
-        fundamental, noise = np.zeros((*shape, 3, 3)), np.full(shape, np.nan)
-        for k, (told, motions) in enumerate(self.models):
-            if len(told):
-                fundamental[told, k], noise[told, k] = (
-                    motions.fundamental,
-                    motions.noise,
-                )
-        # What no pair tells of is as noisy as the others.
-        noise[np.isnan(noise).all(axis=1)] = np.nanmedian(noise)
-        return Motions(self.frames, fundamental, np.nanmedian(noise, axis=1))
+        told, found = self.models
+        noise = np.where(told, found.noise, np.nan).T
+        silent = ~told.any(axis=0)
+        if silent.any():  # as noisy as the others
+            noise[silent] = np.nanmedian(noise)
+        fundamental = np.where(told[..., None, None], found.fundamental, 0)
+        usual = np.nanmedian(noise, axis=1)
+        return Motions(self.frames, fundamental.swapaxes(0, 1), usual)
 
     def reordered(self, order):
         """The same with the motions in another order."""
-        place = np.full(self.n_motions, -1)
-        place[order] = np.arange(len(order))
         return replace(
             self,
-            models=[_renamed(each, place) for each in self.models],
+            models=self.models.reordered(order),
             log_shares=self.log_shares[[*order, -1]],
         )
 
     def _log_probabilities(self, points, visibility):
         pairs = image_pairs(self.frames, points, visibility, self.sides)
         shape = len(self.log_shares), len(points)
-        evidence = log_evidence(pairs, self.models, shape)
+        evidence = log_evidence(in_batches(pairs), self.models, shape)
         known = evidence.any(axis=0)
         logarithms = evidence[:, known] + self.log_shares[:, None]
         return known, logarithms, np.arange(self.n_motions)
-
-
-def _renamed(model, place):
-    """The motions of a pair that have a place, by it."""
-    kept = np.flatnonzero(place[model.told] >= 0)
-    if not len(kept):
-        return PairMotions(kept, None)
-    return PairMotions(place[model.told[kept]], model.motions[kept])
 
 
 def photograph_partitions(points, visibility, counts, rng):
@@ -165,7 +153,8 @@ def photograph_partitions(points, visibility, counts, rng):
         return None
     frames = WorkingFrames(chosen, *working_coordinates(points, visibility))
     pairs = image_pairs(frames, points, visibility)
-    begun = _begun(pairs, len(points), int(counts[0]), rng)
+    batches = in_batches(pairs)
+    begun = _begun(pairs, batches, len(points), int(counts[0]), rng)
     if begun is None:
         return None
     sides = np.array([pair.views.side for pair in pairs])
@@ -175,11 +164,11 @@ def photograph_partitions(points, visibility, counts, rng):
         return PhotographExplanation(frames, sides, found.models, shares)
 
     n_places = sum(len(pair.tracks) for pair in pairs)
-    best = _with_fewer(pairs, begun, counts)
+    best = _with_fewer(batches, begun, counts)
     return partitions_of(best, counts, n_places, frames.scale, explain)
 
 
-def _begun(pairs, n_tracks, fewest, rng):
+def _begun(pairs, batches, n_tracks, fewest, rng):
     """The mixture of the groups that pairs agree on; None if there are too few."""
     some = sorted(pairs, key=lambda pair: -len(pair.tracks))[:MOST_PARTED]
     parted = [(pair.tracks, parted_images(pair.views, rng, SWEEPS)) for pair in some]
@@ -189,24 +178,24 @@ def _begun(pairs, n_tracks, fewest, rng):
         if n_motions >= max(fewest, 1):
             rows = np.where(labels < 0, n_motions, labels)
             shares = (rows == np.arange(n_motions + 1)[:, None]).astype(float)
-            return _concentrated(pairs, settled(pairs, shares, ROUNDS))
+            return _concentrated(batches, settled(batches, shares, ROUNDS))
     return None
 
 
-def _concentrated(pairs, found):
+def _concentrated(batches, found):
     """A mixture fitted anew from its surest tracks, for as long as that costs less."""
     for _ in range(MOST_CONCENTRATIONS):
-        better = settled(pairs, _of_surest(pairs, found), ROUNDS)
+        better = settled(batches, _of_surest(batches, found), ROUNDS)
         if not better.cost < found.cost:
             break
         found = better
     return found
 
 
-def _of_surest(pairs, found):
+def _of_surest(batches, found):
     """Shares of the half of the tracks of each motion that lead most before another."""
     shares = np.zeros_like(found.shares)
-    evidence = log_evidence(pairs, found.models, shares.shape)
+    evidence = log_evidence(batches, found.models, shares.shape)
     for motion, own in enumerate(evidence[:-1]):
         tracks = np.flatnonzero(found.labels == motion)
         others = np.delete(evidence[:, tracks], motion, axis=0).max(axis=0)
@@ -217,7 +206,7 @@ def _of_surest(pairs, found):
     return shares
 
 
-def _with_fewer(pairs, found, counts):
+def _with_fewer(batches, found, counts):
     """Mixtures of open numbers of motions, by their number, and ever fewer.
 
     Until the number is the least, or costs have risen.
@@ -229,16 +218,19 @@ def _with_fewer(pairs, found, counts):
             best[found.n_motions] = found
         if found.n_motions <= fewest or (rises > MORE and found.n_motions <= most):
             return best
-        fewer = _fewer(pairs, found)
+        fewer = _fewer(batches, found)
         rises += fewer.cost >= found.cost
         found = fewer
 
 
-def _fewer(pairs, found):
+def _fewer(batches, found):
     """The mixture of least cost with one motion dropped, or two made one."""
-    tried = [settled(pairs, shares, FIRST_ROUNDS) for shares in _changed(found.shares)]
+    tried = [
+        settled(batches, shares, FIRST_ROUNDS) for shares in _changed(found.shares)
+    ]
     tried = sorted(tried, key=_cost_of)[:N_SETTLED]
-    return min((settled(pairs, each.shares, ROUNDS) for each in tried), key=_cost_of)
+    again = (settled(batches, each.shares, ROUNDS) for each in tried)
+    return min(again, key=_cost_of)
 
 
 def _changed(shares):

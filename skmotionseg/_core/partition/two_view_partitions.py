@@ -42,7 +42,8 @@ class ByDensity:
         """
         known, logarithms, motion_of = self._log_probabilities(points, visibility)
         labels = labels.copy()
-        labels[known] = motion_of[logarithms[:-1].argmax(axis=0)]
+        if len(motion_of):  # what was fitted may have been mismatches alone
+            labels[known] = motion_of[logarithms[:-1].argmax(axis=0)]
         return labels
 
     def reject(self, points, visibility, labels):
@@ -59,7 +60,8 @@ class ByDensity:
         ndarray of int, shape (n,)
         """
         known, logarithms, _ = self._log_probabilities(points, visibility)
-        mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
+        likeliest = logarithms[:-1].max(axis=0, initial=-np.inf)
+        mismatched = logarithms[-1] > likeliest
         labels = labels.copy()
         labels[np.flatnonzero(known)[mismatched]] = -1
         return labels
