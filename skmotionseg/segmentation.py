@@ -204,7 +204,6 @@ estimator, default="description_length"
         another motion nor none. The results in the documentation show how often labels
         of each level of confidence are correct on benchmarks.
     n_motions_ : int
-        0 where photographs hold nothing but mismatches, which are then all -1.
     background_ : int
         The label of the static scene: the motion whose tracks cover most of the border
         of the image, extend over most of the image and surround the other motions,

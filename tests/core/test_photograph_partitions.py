@@ -113,14 +113,14 @@ def test_the_default_parts_photographs():
     assert (again == segmenter.labels_)[inside].mean() > 0.9
 
 
-def test_photographs_that_hold_mismatches_alone_have_no_motion():
-    rng = np.random.RandomState(0)
-    points, seen = rng.uniform(0, 500, (24, 8, 2)), rng.uniform(size=(24, 8)) < 0.8
-    seen[:, :3] = True
+def test_photographs_of_junk_have_a_motion_as_any_clip_of_it():
+    rng = np.random.RandomState(4)
+    points, seen = rng.uniform(0, 500, (30, 4, 2)), rng.uniform(size=(30, 4)) < 0.8
+    seen[:, :2] = True
     points[~seen] = np.nan
+    assert are_photographs(points, seen)
     X = pack_tracks(points, seen)
-    segmenter = MotionSegmenter(random_state=0).fit(X)
-    assert segmenter.n_motions_ == 0
-    assert_array_equal(segmenter.labels_, np.full(24, -1))
-    assert_array_equal(segmenter.predict(X), segmenter.labels_)
-    assert_array_equal(segmenter.predict(X[:5] + 3), np.full(5, -1))
+    for n_motions in (1, "auto"):
+        segmenter = MotionSegmenter(n_motions, random_state=0).fit(X)
+        assert segmenter.n_motions_ == 1
+        assert_array_equal(segmenter.predict(X), segmenter.labels_)

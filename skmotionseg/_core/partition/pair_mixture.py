@@ -119,6 +119,12 @@ class Mixture(NamedTuple):
         return len(self.shares) - 1
 
     @property
+    def is_full(self):
+        """Whether each motion has tracks, not only shares in them."""
+        counts = np.bincount(self.labels, minlength=len(self.shares))
+        return bool(counts[:-1].all())
+
+    @property
     def shares_of_motions(self):
         """Probabilities (M, n) of the motions."""
         return self.shares[:-1]

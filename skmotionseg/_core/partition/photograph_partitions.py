@@ -209,12 +209,13 @@ def _of_surest(batches, found):
 def _with_fewer(batches, found, counts):
     """Mixtures of open numbers of motions, by their number, and ever fewer.
 
-    Until the number is the least, or costs have risen.
+    Those in which all motions have tracks. Until the number is the least, or costs have
+    risen.
     """
     best: dict[int, Mixture] = {}
     rises, fewest, most = 0, int(counts[0]), int(counts[-1])
     while True:
-        if found.n_motions <= most:
+        if found.n_motions <= most and found.is_full:
             best[found.n_motions] = found
         if found.n_motions <= fewest or (rises > MORE and found.n_motions <= most):
             return best
