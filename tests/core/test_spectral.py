@@ -116,6 +116,19 @@ def test_no_eigenvector_is_lost_where_all_eigenvalues_but_one_are_equal(n, n_vec
     assert_allclose(N @ vectors, vectors * values, atol=1e-12)
 
 
+def test_all_eigenvectors_are_found_where_inverse_iteration_does_not_converge(
+    monkeypatch,
+):
+    def fail(*arguments, **options):
+        raise np.linalg.LinAlgError("1 eigenvectors failed to converge.")
+
+    N = normalized_affinity(random_affinity())
+    expected = leading_eigenvectors(N, 3)
+    monkeypatch.setattr("scipy.linalg.eigh", fail)
+    for found, known in zip(leading_eigenvectors(N, 3), expected, strict=True):
+        assert_allclose(found, known, atol=1e-12)
+
+
 def test_the_largest_entry_of_an_eigenvector_is_positive():
     _, vectors = leading_eigenvectors(-normalized_affinity(random_affinity()), 10)
     largest = np.abs(vectors).argmax(axis=0)

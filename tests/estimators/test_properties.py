@@ -123,10 +123,19 @@ def due_to_pairs(seen, models):
     return {"few tracks"} if any(most < MINIMAL_SIZE[m] for m in models) else set()
 
 
-def are_photographs(X):
-    """Whether fewer than four fifths of the tracks are seen in consecutive frames."""
+def seen_apart(X):
+    """Whether tracks that are seen twice or more are seen in no two frames in a row.
+
+    Bool, (n_tracks_seen_twice,).
+    """
     twice = visible(X).sum(axis=1) > 1
-    return twice.any() and seen_in_pairs(X, 1)[twice].any(axis=1).mean() < 0.8
+    return ~seen_in_pairs(X, 1)[twice].any(axis=1)
+
+
+def are_photographs(X):
+    """Whether more than a fifth of the tracks are not seen in consecutive frames."""
+    apart = seen_apart(X)
+    return apart.size > 0 and apart.mean() > 0.2
 
 
 def seen_in_any_pairs(X):
@@ -354,8 +363,11 @@ def refusals_of_segmenter(segmenter, recipe):
     )
     X = X if np.isinf(X).any() else without_empty_frames(X, segmenter.frame_gap)
     due = due_to_tracks(X, models, segmenter.frame_gap)
-    if due == {"few tracks"} and segmenter.frame_gap == 1 and are_photographs(X):
+    possible = {"loners"}
+    if due == {"few tracks"} and segmenter.frame_gap == 1 and seen_apart(X).any():
         due = due_to_pairs(seen_in_any_pairs(X), models)
+        if not are_photographs(X):  # few pairs are added, which may see enough or not
+            possible |= {"few tracks"}
     if "infinity" not in due and fewest > len(X):
         due = {"motions"}
     elif "infinity" not in due and some and segmenter.n_landmarks > len(X):
@@ -363,7 +375,7 @@ def refusals_of_segmenter(segmenter, recipe):
     if some and segmenter.n_landmarks < max(MINIMAL_SIZE[m] for m in models):
         due = {"few landmarks"}  # which needs no look at the tracks
     # Landmarks may be too few even where the tracks are not.
-    return due, {"loners", "few tracks"} if some else {"loners"}
+    return due, possible | ({"few tracks"} if some else set())
 
 
 def check_segmenter(segmenter, recipe):

@@ -136,12 +136,16 @@ def leading_eigenvectors(matrix, n_vectors):
         The entry of largest magnitude in each is positive.
     """
     n = len(matrix)
-    # Bisection and inverse iteration. The faster "evr" driver silently returns fewer
-    # vectors than asked for when eigenvalues are close, which ours are by design.
-    values, vectors = scipy.linalg.eigh(
-        matrix, subset_by_index=[n - n_vectors, n - 1], driver="evx"
-    )
-    values, vectors = values[::-1], vectors[:, ::-1]
+    try:
+        # Bisection and inverse iteration. The faster "evr" driver silently returns
+        # fewer vectors than asked for when eigenvalues are close, which ours are by
+        # design.
+        values, vectors = scipy.linalg.eigh(
+            matrix, subset_by_index=[n - n_vectors, n - 1], driver="evx"
+        )
+        values, vectors = values[::-1], vectors[:, ::-1]
+    except np.linalg.LinAlgError:  # inverse iteration did not converge
+        values = vectors = np.empty(0)
     if len(values) < n_vectors:
         # Bisection lost count of equal eigenvalues; LAPACK's cure is to find them all.
         values, vectors = spectrum(matrix)
