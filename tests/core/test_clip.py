@@ -51,6 +51,10 @@ def test_tracks_that_a_graph_leaves_alone_have_the_label_of_their_nearest():
     first = np.array([1, 1, 0, 0, 0, -1, -1])
     labels = cluster_all(None, 2, affinity, lambda graph, count: first.copy())
     assert_array_equal(labels, [1, 1, 0, 0, 0, 0, 1])
+    # What is near to nothing that has a label is in the largest group.
+    affinity[5:, :5] = 0
+    labels = cluster_all(None, 2, affinity, lambda graph, count: first.copy())
+    assert_array_equal(labels, [1, 1, 0, 0, 0, 0, 0])
 
 
 def test_without_sparsity_all_affinities_are_kept():

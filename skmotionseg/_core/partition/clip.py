@@ -110,9 +110,12 @@ def sparse_views(views, alpha):
 
 
 def cluster_all(graph, count, affinity, cluster):
-    """Labels of all tracks, those the sparse graph leaves alone by their nearest."""
+    """Labels of all tracks, those the sparse graph leaves alone by their nearest.
+
+    Those that have an affinity to others that are alone only are in the largest group.
+    """
     labels = cluster(graph, count)
     alone = labels < 0
     if alone.any():
         labels[alone] = nearest_labels(affinity[alone][:, ~alone], labels[~alone])
-    return canonical_labels(labels)
+    return np.maximum(canonical_labels(labels), 0)
