@@ -89,6 +89,17 @@ def test_what_stands_still_is_not_isolated():
     assert_array_equal(isolation(still, np.ones((100, 6), dtype=bool)), 1)
 
 
+@pytest.mark.parametrize("n_frames", [2, 6])
+def test_what_leaps_among_points_that_stand_still_is_isolated(n_frames):
+    points = np.random.default_rng(0).uniform(0, 500, size=(100, 1, 2))
+    points = np.repeat(points, n_frames, axis=1)
+    points[:30] = points[:1]  # all in one place: they have no distance
+    points[7, -1] += 1e7
+    found = isolation(points, np.ones((100, n_frames), dtype=bool))
+    assert np.isfinite(found).all()
+    assert found[7] > 1e6 and (found[8:30] == 1).all()
+
+
 @pytest.mark.parametrize("share", [0.2, 0.5])
 def test_mismatches_of_two_images_are_isolated_and_small_things_are_not(share):
     rng = np.random.default_rng(0)

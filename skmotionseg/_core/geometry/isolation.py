@@ -71,7 +71,7 @@ def _between(x, y):
     alike = np.argsort(apart, axis=1, kind="stable")[:, :COMPANIONS]
     apart = np.take_along_axis(apart, alike, axis=1)[:, -1]
     companions = np.take_along_axis(neighbours, alike, axis=1)
-    least = max(LEAST_USUAL * np.median(apart), np.finfo(float).tiny)
+    least = max(LEAST_USUAL * np.median(apart), _no_distance(apart))
     return apart / np.maximum(np.median(apart[companions], axis=1), least)
 
 
@@ -79,5 +79,11 @@ def _in_both_images(points):
     """The isolation (n,) of points (n, 2, 2) of two images."""
     joint = points.reshape(len(points), 4)
     distance = KDTree(joint).query(joint, COMPANIONS + 1)[0][:, -1]
-    usual = max(np.quantile(distance, NEAREST), np.finfo(float).tiny)
+    usual = max(np.quantile(distance, NEAREST), _no_distance(distance))
     return distance / (TIMES * usual)
+
+
+def _no_distance(distances):
+    """A distance next to which others are as none; ratios to it do not overflow."""
+    limits = np.finfo(float)
+    return max(limits.eps * distances.max(), limits.tiny)
