@@ -167,15 +167,16 @@ def in_batches(pairs):
     list of PairBatch
     """
     batches = []
-    for some in by_size([len(pair.tracks) for pair in pairs], BATCH):
-        counts = np.array([len(pairs[k].tracks) for k in some])
-        seen = np.arange(counts.max()) < counts[:, None]
+    counts = np.array([len(pair.tracks) for pair in pairs])
+    for some in by_size(counts.tolist(), BATCH):
+        all_tracks, views = zip(*(pairs[k] for k in some), strict=True)
+        seen = np.arange(counts[some].max()) < counts[some, None]
         tracks = np.full(seen.shape, -1)
         x, y = np.zeros((2, *seen.shape, 3))
-        tracks[seen] = np.concatenate([pairs[k].tracks for k in some])
-        x[seen] = np.concatenate([pairs[k].views.x for k in some])
-        y[seen] = np.concatenate([pairs[k].views.y for k in some])
-        side = np.array([pairs[k].views.side for k in some])
+        tracks[seen] = np.concatenate(all_tracks)
+        x[seen] = np.concatenate([each.x for each in views])
+        y[seen] = np.concatenate([each.y for each in views])
+        side = np.array([each.side for each in views])
         batches.append(PairBatch(np.array(some), tracks, TwoViews(x, y, side)))
     return batches
 
@@ -257,20 +258,22 @@ def log_evidence(batches, models, shape):
     evidence = np.zeros((n_rows, n_tracks + 1))  # the last is what pairs do not see
     for pairs, tracks, views in batches:
         told, motions = models.of_pairs(pairs)
-        least = np.reshape(views.log_density_of_mismatches, (-1, 1, 1))
-        gained = np.where(told[..., None], _log_densities(views, motions) - least, 0)
+        gained = np.where(told[..., None], _over_mismatches(views, motions), 0)
         for places, some in zip(tracks, gained, strict=True):
             evidence[:-1, places] += some
     return evidence[:, :-1]
 
 
-def _log_densities(views, motions):
-    """Of a point of the second image, which may be anywhere on its line: (p, M, n)."""
+def _over_mismatches(views, motions):
+    """Log densities (p, M, n) of points, which may be anywhere on their lines.
+
+    Over those of mismatches.
+    """
     across, along, _ = squared_distances(motions.fundamental, motions.affine, views)
     near = log_student(along, motions.parallax) + np.log(1 - ANYWHERE)
     least = np.reshape(views.log_density_of_mismatches, (-1, 1, 1))
     anywhere = np.log(ANYWHERE) + least / 2
-    return log_student(across, motions.noise) + np.logaddexp(near, anywhere)
+    return log_student(across, motions.noise) + np.logaddexp(near, anywhere) - least
 
 
 def _judged(batches, models, shares, evidence):

@@ -42,8 +42,7 @@ class ByDensity:
         """
         known, logarithms, motion_of = self._log_probabilities(points, visibility)
         labels = labels.copy()
-        if len(motion_of):  # what was fitted may have been mismatches alone
-            labels[known] = motion_of[logarithms[:-1].argmax(axis=0)]
+        labels[known] = motion_of[logarithms[:-1].argmax(axis=0)]
         return labels
 
     def reject(self, points, visibility, labels):
@@ -60,8 +59,7 @@ class ByDensity:
         ndarray of int, shape (n,)
         """
         known, logarithms, _ = self._log_probabilities(points, visibility)
-        likeliest = logarithms[:-1].max(axis=0, initial=-np.inf)
-        mismatched = logarithms[-1] > likeliest
+        mismatched = logarithms[-1] > logarithms[:-1].max(axis=0)
         labels = labels.copy()
         labels[np.flatnonzero(known)[mismatched]] = -1
         return labels
