@@ -78,7 +78,8 @@ def motion_count_accuracy(
     Raises
     ------
     ValueError
-        If the lengths differ or are zero.
+        If the lengths differ or are zero, labels are not integers, or a count is not a
+        whole number of 0 or more.
 
     Examples
     --------
@@ -466,7 +467,8 @@ def boundary_f_measure(
     Raises
     ------
     ValueError
-        If the shapes differ or are not of two dimensions.
+        If the shapes differ or are not of two dimensions, or the tolerance is negative
+        or not finite.
 
     References
     ----------
@@ -482,6 +484,8 @@ def boundary_f_measure(
     >>> boundary_f_measure(mask, mask), boundary_f_measure(mask, np.roll(mask, 30))
     (1.0, 0.0)
     """
+    if not 0 <= tolerance < np.inf:
+        raise ValueError(f"tolerance must be a share of 0 or more; got {tolerance}")
     true, found = (_outline(mask) for mask in _as_masks(y_true, y_pred))
     if not true.any() or not found.any():
         return float(true.any() == found.any())
@@ -503,6 +507,8 @@ def _as_masks(y_true, y_pred):
 
 def _outline(mask):
     """Pixels that differ from their right, lower or lower right neighbour."""
+    if not mask.size:
+        return mask
     padded = np.pad(mask, ((0, 1), (0, 1)), mode="edge")
     shifted = (padded[:-1, 1:], padded[1:, :-1], padded[1:, 1:])
     return (mask ^ shifted[0]) | (mask ^ shifted[1]) | (mask ^ shifted[2])
@@ -596,9 +602,12 @@ def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
             f"{name} must be a list of whole numbers; got shape {labels.shape} and "
             f"dtype {labels.dtype}"
         )
-    # NaN equals nothing.
-    if not np.array_equal(labels, np.round(labels)) or np.isinf(labels).any():
-        raise ValueError(f"{name} must be whole numbers; got dtype {labels.dtype}")
+    # NaN equals nothing, and what is out of range would be another label.
+    whole = np.array_equal(labels, np.round(labels))
+    if not whole or (np.abs(labels.astype(float)) >= 2.0**63).any():
+        raise ValueError(
+            f"{name} must be whole numbers of 64 bits; got dtype {labels.dtype}"
+        )
     return labels.astype(np.int64)
 
 
@@ -614,7 +623,11 @@ def _contingency(y_true, y_pred):
 def _n_motions(labels):
     labels = np.asarray(labels)
     if labels.ndim > 0:
+        labels = _as_labels(labels, "labels of a sequence")
         return len(np.unique(labels[labels >= 0]))
-    if labels.dtype.kind not in "iuf" or labels != np.floor(labels):
-        raise ValueError(f"a number of motions must be a whole number; got {labels}")
-    return int(labels)
+    count = labels
+    if count.dtype.kind not in "iuf" or count != np.floor(count) or count < 0:
+        raise ValueError(
+            f"a number of motions must be a whole number of 0 or more; got {count}"
+        )
+    return int(count)

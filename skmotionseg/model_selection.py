@@ -29,6 +29,7 @@ from ._utils.validation import (
     check_estimator_parameters,
     check_n_groups,
     read_affinities,
+    read_matrix,
 )
 from .cluster import AffinityInput, MultiModelSpectralClustering
 
@@ -213,6 +214,8 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         ndarray of int, shape (m,)
         """
         check_is_fitted(self)
+        # The clusterer was fitted to views that had no names of columns.
+        X = read_matrix(self, X, reset=False, dtype=np.float64)
         labels = self.clusterer_.predict(X)
         # The clusterer's own numbers of the groups, as ours.
         ours = dict(zip(self.clusterer_.labels_, self.labels_, strict=True))

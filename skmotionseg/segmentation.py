@@ -194,7 +194,7 @@ estimator, default="description_length"
         Reason for each label: "assigned"; or, for tracks labelled -1, "outlier" if the
         track is an inlier of no motion, "too short" if it is seen in no frame pair (for
         example, in a single frame), and "isolated" if it shares no preferred hypothesis
-        with another track.
+        with another track, as where a window of a long clip has too few for any.
     probabilities_ : ndarray of shape (n_tracks,)
         Confidence of each label, from 0 to 1: the share of a track's affinities that
         belongs to tracks of its own motion, averaged over the models. If the number of
@@ -511,7 +511,7 @@ estimator, default="description_length"
         visibility = ~np.isnan(points[..., 0])
         self.background_ = background_motion(points, visibility, found.labels)
         seen_often = clip.times > self.frame_gap
-        placed = np.where(seen_often, 0, -1)
+        placed = np.where(seen_often & clip.are_in(found.counts > 0), 0, -1)
         self.label_reasons_ = label_reasons(found.labels, placed, seen_often)
         digests = self._digests_of_long(X)
         self._known = dict(zip(digests, found.labels.tolist(), strict=True))

@@ -22,7 +22,7 @@ from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.caching import as_memory, check_cacheable, recall
-from ._utils.validation import N_JOBS, unmasked
+from ._utils.validation import N_JOBS, check_instance, unmasked
 from .metrics import misclassification_error
 
 __all__ = ["PerSequence"]
@@ -119,7 +119,10 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         ValueError
             If ``X`` holds no sequence, ``y`` not one label per track, or a search
             scores by a function that compares label arrays.
+        TypeError
+            If ``estimator`` is a class.
         """
+        check_instance(self.estimator)
         _refuse_scorers_of_tracks()
         sequences = self._read_sequences(X, reset=True)
         check_cacheable(self.memory, *_seed_of(self.estimator))

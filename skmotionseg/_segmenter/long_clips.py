@@ -100,6 +100,18 @@ class LongClip:
         frames = self.frames[part.start : part.stop]
         return unpack_tracks(self._X[np.ix_(part.tracks, _columns(frames))])
 
+    def are_in(self, windows):
+        """Whether each track (n_tracks,) is in one of some windows.
+
+        Parameters
+        ----------
+        windows : ndarray of bool, shape (n_windows,)
+        """
+        found = np.zeros(self.n_tracks, dtype=bool)
+        for position in np.flatnonzero(windows):
+            found[self.parts[position].tracks] = True
+        return found
+
 
 def points_in_batches(X, frames):
     """Points (n, n_frames, 2) in some frames of a matrix, some tracks at a time."""
@@ -140,12 +152,15 @@ def segment_in_windows(clip, segmenter, rng, report=None):
 
     Raises
     ------
+    TooFewTracksError
+        If no window has as many tracks as a motion model needs.
     ValueError
         If no frame pair of a window can be as far apart as hypotheses need.
     """
     _check_frame_gap(segmenter.frame_gap, clip.parts)
     fits = _WindowFits(clip, segmenter, rng, report)
     found = fits.of(range(len(clip.parts)))
+    _check_searched(found, clip.n_tracks)
     return _joined(clip, agreeing(found, fits.of, *fits.limits), fits.most)
 
 
@@ -210,6 +225,21 @@ def _check_frame_gap(frame_gap, parts):
         )
 
 
+def _check_searched(found, n_tracks):
+    """Refuse a clip that has too few tracks for any motion in all of its windows."""
+    if not any(map(_is_searched, found)):
+        most = max(len(each.tracks) for each in found)
+        raise TooFewTracksError(
+            "no window of the clip has as many tracks that are seen in the same two "
+            f"frames as a motion model needs; the one with most has {most} "
+            f"(n_samples={n_tracks})"
+        )
+
+
+def _is_searched(window):
+    return window.n_motions > 0 or not np.isnan(window.surely)
+
+
 def _for_windows(segmenter, most):
     """The segmenter of a window, which may see fewer motions than there are."""
     return clone(segmenter).set_params(
@@ -227,8 +257,8 @@ def _segment(estimator, X, version):
     A window may have fewer tracks than the landmarks that are asked for, and too few
     for any motion. The version says of what code they are, where they are kept.
     """
-    if isinstance(estimator.n_landmarks, Integral):
-        estimator.set_params(n_landmarks=min(estimator.n_landmarks, len(X)))
+    if isinstance(estimator.n_landmarks, Integral) and estimator.n_landmarks > len(X):
+        estimator.set_params(n_landmarks=None)  # all of them
     try:
         labels = estimator.fit(X).labels_
     except TooFewTracksError:

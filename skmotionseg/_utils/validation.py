@@ -93,7 +93,9 @@ def _check_packed(X):
             f"pack_tracks(points, visibility{layout})"
         )
     if len(shape) == 2 and shape[0] == 0 and shape[1] > 0:
-        raise ValueError(f"there are no tracks: X has 0 samples, shape={tuple(shape)}")
+        raise TooFewTracksError(
+            f"there are no tracks: X has 0 samples, shape={tuple(shape)}"
+        )
 
 
 def unmasked(points):
@@ -137,11 +139,21 @@ def check_estimator_parameters(estimator):
     Raises
     ------
     InvalidParameterError
+    TypeError
+        If it is a class.
     """
+    check_instance(estimator)
     inner = estimator.get_params() if hasattr(estimator, "get_params") else {}
     for each in (estimator, *inner.values()):
         if hasattr(each, "_parameter_constraints"):
             each._validate_params()
+
+
+def check_instance(estimator):
+    """Refuse the class of an estimator, which has the methods of one."""
+    if isinstance(estimator, type):
+        name = estimator.__name__
+        raise TypeError(f"an estimator is needed, such as {name}(); got its class")
 
 
 def read_matrix(estimator, X, **checks):

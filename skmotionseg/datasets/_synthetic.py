@@ -144,7 +144,7 @@ def _check_shares(missing, noise, outliers):
 
 
 def _group_sizes(n_tracks, n_motions):
-    """Each motion half the size of the one before, none empty."""
+    """Each motion half the size of the one before, none empty and none larger."""
     if n_tracks < n_motions:
         raise ValueError(
             f"{n_motions} motions need a track each; got n_tracks={n_tracks} beside "
@@ -153,6 +153,8 @@ def _group_sizes(n_tracks, n_motions):
     shares = 0.5 ** np.arange(n_motions)
     sizes = np.floor(shares / shares.sum() * n_tracks).astype(int)
     sizes = np.maximum(sizes, 1)
+    for _ in range(sizes.sum() - n_tracks):
+        sizes[np.flatnonzero(sizes == sizes[0])[-1]] -= 1
     sizes[0] += n_tracks - sizes.sum()
     return sizes
 

@@ -41,11 +41,12 @@ def legend_below(ax: Axes, n_columns: int) -> Any:
     room = 10 + 1.2 * (tick_size + label_size)
     down = transforms.ScaledTranslation(0, -room / 72, ax.figure.dpi_scale_trans)
     return ax.legend(
+        *ax.get_legend_handles_labels(),  # which may be none
         loc="upper center",
         bbox_to_anchor=(0.5, 0),
         bbox_transform=ax.transAxes + down,
         borderaxespad=0,
-        ncols=n_columns,
+        ncols=max(1, n_columns),
         frameon=False,
         fontsize="small",
     )

@@ -59,7 +59,7 @@ def plot_motions(
     ImportError
         If matplotlib is missing.
     ValueError
-        If there is not one label per track.
+        If there is not one label per track, or ``frames`` are not two of the clip.
 
     Examples
     --------
@@ -73,7 +73,7 @@ def plot_motions(
     plt = require("matplotlib.pyplot", extra="plot")
     points, visibility = unpack_tracks(X)
     labels = check_label_each(labels, len(points))
-    first, second = frames if frames is not None else _shared_frames(visibility)
+    first, second = _two_frames(frames, visibility)
     shared = visibility[:, first] & visibility[:, second]
     if ax is None:
         ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
@@ -89,11 +89,20 @@ def plot_motions(
     return ax
 
 
+def _two_frames(frames, visibility):
+    """Numbers of the frames to draw, or of those that most tracks share."""
+    if frames is None:
+        return _shared_frames(visibility)
+    if np.shape(frames) != (2,):
+        raise ValueError(f"frames must be two of the clip; got {frames!r}")
+    return [_check_frame(frame, visibility) for frame in frames]
+
+
 def _shared_frames(visibility):
     """The frames a quarter of the clip apart that see most tracks in both."""
     n_frames = visibility.shape[1]
-    gap = max(1, n_frames // 4)
-    both = (visibility[:, :-gap] & visibility[:, gap:]).sum(axis=0)
+    gap = min(max(1, n_frames // 4), n_frames - 1)
+    both = (visibility[:, : n_frames - gap] & visibility[:, gap:]).sum(axis=0)
     first = int(both.argmax())
     return first, first + gap
 

@@ -23,6 +23,7 @@ from skmotionseg import (
 from skmotionseg._core.graph import spectral
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import (
+    boundary_f_measure,
     fbms_scores,
     misclassification_error,
     motion_count_accuracy,
@@ -31,6 +32,7 @@ from skmotionseg.plotting import plot_motions
 
 X, Y = make_rigid_motions(n_tracks=20, n_frames=4, missing=0, random_state=0)
 K = np.kron(np.eye(2), np.ones((3, 3)))  # affinities of two groups of three
+MASK = np.ones((4, 4), dtype=bool)
 POINTS = np.zeros((5, 3, 2))
 
 
@@ -278,6 +280,24 @@ PARAMETERS = [
         "'gamma' parameter",
     ),
     case(
+        "segmenter, the class of a selector",
+        lambda: MotionSegmenter(selection=NCREModelSelector).fit(X),
+        r"such as NCREModelSelector\(\); got its class",
+        TypeError,
+    ),
+    case(
+        "selector, the class of a clusterer",
+        lambda: NCREModelSelector(MultiModelSpectralClustering).fit(K),
+        r"such as MultiModelSpectralClustering\(\); got its class",
+        TypeError,
+    ),
+    case(
+        "PerSequence, the class of a segmenter",
+        lambda: PerSequence(MotionSegmenter).fit([X]),
+        r"such as MotionSegmenter\(\); got its class",
+        TypeError,
+    ),
+    case(
         "kernel, columns that do not split",
         lambda: ORKKernel(n_hypotheses=7).fit(np.ones((5, 20))),
         "in groups of n_hypotheses=7, one per frame pair; got 20 columns",
@@ -498,6 +518,46 @@ FUNCTIONS = [
         "motion_count_accuracy, no sequence",
         lambda: motion_count_accuracy([], []),
         "at least one; got 0 and 0",
+    ),
+    case(
+        "misclassification_error, out of range",
+        lambda: misclassification_error([0, 1], [1e30, 2]),
+        "y_pred must be whole numbers of 64 bits; got dtype float64",
+    ),
+    case(
+        "misclassification_error, out of range without a sign",
+        lambda: misclassification_error(np.array([2**63, 0], dtype=np.uint64), [0, 1]),
+        "y_true must be whole numbers of 64 bits; got dtype uint64",
+    ),
+    case(
+        "motion_count_accuracy, a negative count",
+        lambda: motion_count_accuracy([-3], [-3]),
+        "whole number of 0 or more; got -3",
+    ),
+    case(
+        "motion_count_accuracy, NaN",
+        lambda: motion_count_accuracy([[0, np.nan]], [[0, 1]]),
+        "labels of a sequence must be whole numbers",
+    ),
+    case(
+        "motion_count_accuracy, two axes",
+        lambda: motion_count_accuracy([[[0, 1]]], [[0, 1]]),
+        r"labels of a sequence must be a list .* shape \(1, 2\)",
+    ),
+    case(
+        "motion_count_accuracy, text",
+        lambda: motion_count_accuracy([["car", "road"]], [[0, 1]]),
+        "labels of a sequence must be a list of whole numbers",
+    ),
+    case(
+        "boundary_f_measure, a negative tolerance",
+        lambda: boundary_f_measure(MASK, MASK, tolerance=-1),
+        "tolerance must be a share of 0 or more; got -1",
+    ),
+    case(
+        "boundary_f_measure, no tolerance",
+        lambda: boundary_f_measure(MASK, MASK, tolerance=np.nan),
+        "tolerance must be a share of 0 or more; got nan",
     ),
     case(
         "fbms_scores, lengths",

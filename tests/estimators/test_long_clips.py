@@ -13,6 +13,7 @@ from sklearn.exceptions import NotFittedError
 
 from skmotionseg import MotionSegmenter, NCREModelSelector, pack_tracks
 from skmotionseg._segmenter import long_clips
+from skmotionseg._utils.validation import TooFewTracksError
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -218,6 +219,46 @@ def test_a_fit_leaves_nothing_of_the_one_before(X):
         segmenter.fit(short[:4])
     with pytest.raises(NotFittedError):
         segmenter.predict(short)
+
+
+def glimpsed(n_frames=130, n_tracks=40):
+    """Tracks of the first frames, then a glimpse of two in each, and later ones."""
+    rng = np.random.RandomState(0)
+    points = rng.uniform(0, 800, (n_tracks, 1, 2)) + rng.normal(
+        scale=0.2, size=(n_tracks, n_frames, 2)
+    )
+    points += np.arange(n_frames)[None, :, None] * [1.0, 0.5]
+    early, late = points.copy(), points.copy()
+    early[:, 20:] = late[:, :50] = np.nan
+    for frame in range(20, 50):
+        two = [(2 * frame) % n_tracks, (2 * frame + 1) % n_tracks]
+        early[two, frame] = points[two, frame]
+    return pack_tracks(np.concatenate([early, late]))
+
+
+@pytest.mark.parametrize("n_landmarks", ["auto", 30])
+def test_window_without_tracks_is_one_without_motions(n_landmarks):
+    segmenter = MotionSegmenter(n_landmarks=n_landmarks, n_hypotheses=30)
+    segmenter.set_params(random_state=0).fit(glimpsed())
+    assert segmenter.window_counts_.min() == 0
+    assert (segmenter.labels_ == 0).all()
+
+
+def test_tracks_where_too_few_are_seen_are_no_outliers():
+    X = glimpsed(n_frames=160)
+    X[-6:-3, 2 * 121 :] = X[-3:, : 2 * 121] = np.nan  # three, and then three others
+    X[:-6, 2 * 100 :] = np.nan
+    found = MotionSegmenter(n_hypotheses=30, random_state=0).fit(X)
+    assert_array_equal(found.labels_[-3:], -1)
+    assert_array_equal(found.label_reasons_[-3:], "isolated")
+
+
+@pytest.mark.parametrize("n_frames", [90, 110])
+def test_a_clip_with_too_few_tracks_is_refused_whatever_its_length(n_frames):
+    X, _ = make_rigid_motions(5, n_frames, 1, missing=0, random_state=0)
+    for tracks in (X, np.full((40, 2 * n_frames), np.nan)):
+        with pytest.raises(TooFewTracksError, match="seen in the same two"):
+            MotionSegmenter(2).fit(tracks)
 
 
 def test_window_without_motions_has_none():

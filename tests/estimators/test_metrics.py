@@ -253,6 +253,7 @@ def test_masks_in_which_there_is_nothing():
     for score in (region_similarity, boundary_f_measure):
         assert score(nothing, nothing) == 1
         assert score(nothing, something) == score(something, nothing) == 0
+        assert score(nothing[:0], nothing[:0]) == 1
 
 
 @pytest.mark.parametrize("score", [region_similarity, boundary_f_measure])

@@ -134,6 +134,15 @@ def test_fitted_rows_are_placed_where_they_were(selector):
 
 
 @every_selector
+def test_rows_may_have_names_of_columns(selector):
+    pandas = pytest.importorskip("pandas")
+    K, _ = blocks((9, 8, 7), 0.1)
+    K = pandas.DataFrame(K, columns=[f"row{i}" for i in range(len(K))])
+    fitted = selector(random_state=0).fit(K)
+    assert_array_equal(fitted.predict(K), fitted.labels_)
+
+
+@every_selector
 def test_the_choice_does_not_depend_on_the_clusterer(selector):
     K, _ = blocks((9, 8, 7), 0.1)
     ours = selector(MultiModelSpectralClustering(fusion="subset")).fit(K)

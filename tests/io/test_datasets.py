@@ -41,6 +41,8 @@ from skmotionseg.datasets import (
         (50, 1, 0, [50], 0),
         (100, 2, 0.1, [60, 30], 10),
         (71, 3, 0, [41, 20, 10], 0),
+        (8, 8, 0, [1] * 8, 0),
+        (20, 12, 0, [5, 4, 2, *[1] * 9], 0),
     ],
 )
 def test_shapes_and_sizes(n_tracks, n_motions, outliers, sizes, n_outliers):

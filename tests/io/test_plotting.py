@@ -143,6 +143,17 @@ def test_the_legend_counts_all_tracks(small):
     assert sum(counts) == 60
 
 
+@pytest.mark.parametrize(
+    "draw", [plotting.plot_motions, MotionDisplay.from_predictions]
+)
+def test_a_single_frame_and_no_tracks_are_drawn(small, draw):
+    X, y, _ = small
+    for shown, labels in ((X[:, :2], y), (X[:0], y[:0])):
+        drawn = draw(shown, labels)
+        ax = getattr(drawn, "ax_", drawn)
+        assert len(ax.get_legend().get_texts()) == len(np.unique(labels))
+
+
 def test_the_frame_drawn_is_the_one_that_shows_most(small):
     X, y, _ = small
     display = MotionDisplay.from_predictions(X, y)
@@ -684,6 +695,16 @@ def case(name, call, words, error=ValueError):
             "motions, halves",
             lambda: MotionDisplay.from_predictions(X0, Y0 / 2),
             "labels must be whole numbers; got dtype float64",
+        ),
+        case(
+            "two frames, one that is not",
+            lambda: plotting.plot_motions(X0, Y0, frames=[0, 99]),
+            "frame must be one of 0 to 3; got 99",
+        ),
+        case(
+            "two frames, a number",
+            lambda: plotting.plot_motions(X0, Y0, frames=3),
+            "frames must be two of the clip; got 3",
         ),
         case(
             "motions, frame",
