@@ -257,7 +257,8 @@ def _segment(estimator, X, version):
     A window may have fewer tracks than the landmarks that are asked for, and too few
     for any motion. The version says of what code they are, where they are kept.
     """
-    if isinstance(estimator.n_landmarks, Integral) and estimator.n_landmarks > len(X):
+    asked = estimator.n_landmarks
+    if isinstance(asked, Integral) and int(asked) > len(X):
         estimator.set_params(n_landmarks=None)  # all of them
     try:
         labels = estimator.fit(X).labels_
