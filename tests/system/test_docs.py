@@ -39,6 +39,25 @@ def test_links_to_files_lead_somewhere(page):
         assert "://" in link or target.exists(), link
 
 
+def test_constants_that_the_method_names_are_found_in_one_module():
+    code = [
+        (path.stem, re.findall(r"^[A-Z][A-Z0-9_, ]+(?==|: )", path.read_text(), re.M))
+        for path in (ROOT / "skmotionseg").rglob("*.py")
+    ]
+    defined = {
+        (module, name)
+        for module, lines in code
+        for line in lines
+        for name in line.strip().split(", ")
+    }
+    method = (ROOT / "docs/method.md").read_text()
+    named = re.findall(r"`(?:([a-z_]+)\.)?([A-Z][A-Z0-9_]+)`", method)
+    assert len(named) > 50
+    for module, name in named:
+        modules = [m for m, n in defined if n == name and module in ("", m)]
+        assert len(modules) == 1, (name, modules)
+
+
 def test_the_citation_is_of_this_version():
     citation = (ROOT / "CITATION.cff").read_text()
     assert f"\nversion: {skmotionseg.__version__}\n" in citation
