@@ -12,7 +12,7 @@ from sklearn.exceptions import NotFittedError
 from sklearn.utils import Bunch, check_random_state
 from sklearn.utils._param_validation import Interval, StrOptions
 
-from ._core.geometry.tracks import pack_tracks
+from ._core.geometry.tracks import as_array, pack_tracks
 from ._core.labels import canonical_labels
 from ._core.partition.scene import background_motion
 from ._core.stream.buffer import UNKNOWN
@@ -284,7 +284,7 @@ def _with_first(labels, first):
 
 def _checked_frame(points, track_ids):
     """Points (n, 2) and ids (n,) of a frame, if they are such."""
-    points, ids = np.asarray(unmasked(points)), np.asarray(track_ids)
+    points, ids = np.asarray(unmasked(as_array(points))), np.asarray(track_ids)
     if points.size == 0 and ids.size == 0:
         return np.empty((0, 2)), np.empty(0, dtype=np.int64)
     if points.dtype.kind not in "fiu":

@@ -387,3 +387,13 @@ def test_masked_and_absurd_points_are_refused(movie):
         with pytest.raises(ValueError, match=r"must be (finite|in pixels)"):
             segmenter.update(points, [0])
         assert not hasattr(segmenter, "labels_")
+
+
+def test_points_may_be_a_data_frame():
+    pandas = pytest.importorskip("pandas")
+    segmenter = OnlineMotionSegmenter()
+    points = pandas.DataFrame({"x": [1, 2], "y": [3, 4]}, dtype="Int64")
+    assert_array_equal(segmenter.update(points, pandas.Index([7, 9])), [-1, -1])
+    points.loc[0, "x"] = pandas.NA
+    with pytest.raises(ValueError, match="for track 7"):
+        segmenter.update(points, [7, 9])
