@@ -18,6 +18,7 @@ from helpers.track_files import write_struct
 from helpers.two_images import two_images
 from numpy.testing import assert_array_equal
 from rich.console import Console
+from sklearn.utils import Bunch
 
 from skmotionseg import MotionSegmenter, __version__, unpack_tracks
 from skmotionseg._commands import label_files, runs
@@ -766,3 +767,20 @@ def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
     assert code == 0
     names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
     assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))
+
+
+@pytest.mark.parametrize("first", [10**15, 2**60])
+def test_labels_carry_whole_names_digit_by_digit(run, tmp_path, scene, first):
+    names = first + np.arange(len(scene[0]))
+    file, out = tmp_path / "clip.npz", tmp_path / "out.csv"
+    np.savez(file, X=scene[0], track_ids=names)
+    assert run("segment", file, *BY_GRAPH, "--out", out)[0] == 0
+    written = np.loadtxt(out, delimiter=",", skiprows=1, dtype=np.int64)
+    assert_array_equal(written[:, 0], names)
+
+
+def test_labels_carry_names_that_are_not_whole(tmp_path):
+    out, ids = tmp_path / "out.csv", np.array([0.5, 2.0])
+    clip = Bunch(track_ids=ids, video={})
+    label_files.write_labels(out, clip, np.array([1, -1]), np.array([0.75, 0.5]))
+    assert out.read_text() == "track,label,probability\n0.5,1,0.750\n2,-1,0.500\n"
