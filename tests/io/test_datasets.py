@@ -679,6 +679,23 @@ def test_csv_with_an_empty_label(tmp_path):
     assert_array_equal(load_tracks(path).target, [0, -1])
 
 
+@pytest.mark.parametrize("cells", [["2", "", ""], ["", "2", ""], ["", "2", "2"]])
+def test_csv_with_a_label_in_some_rows_of_a_track(cells, tmp_path):
+    path = tmp_path / "clip.csv"
+    rows = [f"7,{frame},1,2,{cell}" for frame, cell in enumerate(cells)]
+    path.write_text("\n".join(["track,frame,x,y,label", *rows, "9,0,5,6,"]))
+    assert_array_equal(load_tracks(path).target, [2, -1])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_csv_of_a_track_with_two_labels(order, tmp_path):
+    path = tmp_path / "clip.csv"
+    rows = ["4,0,5,6,1", "7,0,1,2,2", "7,1,1,2,", "7,2,1,2,0"][::order]
+    path.write_text("\n".join(["track,frame,x,y,label", *rows]))
+    with pytest.raises(ValueError, match=r"one label; track 7 has [02] and [02]"):
+        load_tracks(path)
+
+
 # -------------------------------------------------------- files of the benchmarks
 
 
