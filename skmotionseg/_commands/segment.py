@@ -12,6 +12,7 @@ from sklearn.utils import Bunch
 
 from .._segmenter.long_clips import LONG_CLIP
 from .._utils.optional import require
+from .._utils.validation import check_ids
 from .._utils.writing import check_apart, check_output, check_output_folder
 from ..video._frames import PICTURE_ENDINGS, is_video
 from .console import PICTURES, count, progress_console
@@ -275,15 +276,10 @@ def _load_tracks(arguments):
     from ..datasets import load_tracks
 
     sequence = load_tracks(arguments.file, **file_options(arguments))
-    return Bunch(
-        **{
-            "track_ids": np.arange(len(sequence.data)),
-            **sequence,
-            "video": {},
-            "seconds": {},
-            "objects": None,
-        }
-    )
+    sequence.setdefault("track_ids", np.arange(len(sequence.data)))
+    if arguments.split_dir is not None:  # not only once they are segmented
+        check_ids(sequence.track_ids, len(sequence.data))
+    return Bunch(**sequence, video={}, seconds={}, objects=None)
 
 
 def _sequence(arguments, frames, tracks, size):

@@ -601,6 +601,7 @@ ERRORS = {
     "segment {scene} --split-dir {long}": "long.npy is not a folder that could be wr",
     f"{BENCH} {{data}} --exponents 5 6": "--exponents is for --paper",
     "segment {scene} --split-dir nowhere/motions": "nowhere",
+    "segment {named} --split-dir motions": "must be whole numbers .*; got 0.5",
     "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
     "segment {scene} --min-motions 3 --max-motions 2": "--min-motions must not exceed",
     "segment {scene} --min-motions 11": "--max-motions; got 11 and 10",
@@ -632,11 +633,13 @@ def test_errors_are_one_line_and_come_first(
         "other": tmp_path / "other.npz",
         "broken": tmp_path / "broken.npz",
         "long": tmp_path / "long.npy",
+        "named": tmp_path / "named.csv",
         "scene": scene_file,
         "data": benchmarks,
     }
     paths["notes"].write_text("not tracks")
     np.savez(paths["other"], a=np.ones(3))
+    paths["named"].write_text("id,x0,y0,x1,y1\n0.5,1,2,3,4\n1,9,9,9,9\n")
     np.save(paths["long"], np.arange(202.0) + 100 * np.arange(12.0)[:, None])
     paths["broken"].write_bytes(scene_file.read_bytes()[:1000])
     before = set(tmp_path.rglob("*"))
