@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._utils.validation import check_ids, check_label_each
-from ._utils.writing import replacing
+from ._utils.writing import check_stale, replacing
 
 __all__ = ["save_motions", "static_mask"]
 
@@ -125,7 +125,8 @@ def save_motions(
     groups = {f"motion_{m}.npz": labels == m for m in np.unique(labels[labels >= 0])}
     if (labels < 0).any():
         groups["no_motion.npz"] = labels < 0
-    _make_folder(folder, groups)
+    folder.mkdir(exist_ok=True)
+    check_stale(folder, groups.__contains__)
     with ExitStack() as files:  # all are written before the first is put in its place
         for name, rows in groups.items():
             np.savez_compressed(
@@ -135,14 +136,3 @@ def save_motions(
                 track_ids=track_ids[rows],
             )
     return [folder / name for name in groups]
-
-
-def _make_folder(folder, names):
-    folder.mkdir(exist_ok=True)
-    present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
-    stale = sorted(path.name for path in present if path.name not in names)
-    if stale:
-        raise FileExistsError(
-            f"{folder} holds {', '.join(stale)} of another segmentation: remove it, or "
-            "name another folder"
-        )

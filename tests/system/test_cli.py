@@ -230,6 +230,37 @@ def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
     assert "motion_2.npz of another segmentation" in errors
 
 
+@pytest.mark.parametrize(
+    "options, stale",
+    [
+        ((), "motion_1.npz, motion_2.npz"),
+        (("--min-motions", 2), "motion_2.npz"),
+        (("--motions", 2), "motion_2.npz"),
+        (("--motions", 3), None),
+        (("--min-motions", 3), None),
+    ],
+)
+def test_motions_that_might_stay_are_refused_before_any_work(
+    run, scene_file, tmp_path, monkeypatch, options, stale
+):
+    def fit(*_):
+        raise RuntimeError("at work")
+
+    monkeypatch.setattr(MotionSegmenter, "fit", fit)
+    names = ["motion_0.npz", "motion_1.npz", "motion_2.npz", "no_motion.npz"]
+    for name in names:
+        (tmp_path / name).touch()
+    command = "segment", scene_file, *options, "--split-dir", tmp_path
+    if stale is None:
+        with pytest.raises(RuntimeError, match="at work"):
+            run(*command)
+    else:
+        code, _, errors = run(*command)
+        assert code == 2
+        assert f"{tmp_path} holds {stale} of another segmentation: remove it" in errors
+    assert all((tmp_path / name).read_bytes() == b"" for name in names)
+
+
 def test_segment_chooses_the_count_by_default(run, scene_file, as_it_comes):
     _, printed, _ = run("segment", scene_file, "--motions", "auto")
     assert facts(printed)["motions found"] == str(as_it_comes.n_motions_)
