@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ._core.geometry.tracks import pack_tracks, unpack_tracks
-from ._utils.validation import check_label_each
-from ._utils.writing import replacing
+from ._utils.validation import check_ids, check_label_each
+from ._utils.writing import check_stale, replacing
 
 __all__ = ["save_motions", "static_mask"]
 
@@ -86,8 +86,9 @@ def save_motions(
         Tracks in pixels; NaN where unseen.
     labels : array-like of int, shape (n_tracks,)
         Motion of each track; negative ones belong to none.
-    track_ids : array-like of shape (n_tracks,), optional
-        What to call the tracks; their rows in ``X`` by default.
+    track_ids : array-like of int, shape (n_tracks,), optional
+        What to call the tracks; their rows in ``X`` by default. Objects and floats are
+        taken where they are whole numbers, and written as integers.
 
     Returns
     -------
@@ -103,7 +104,8 @@ def save_motions(
     FileNotFoundError
         If there is no folder to make it in.
     ValueError
-        If there is not a label and an id per track, or there are infinities.
+        If there is not a label and an id per track, ids are no whole numbers, or there
+        are infinities.
 
     Examples
     --------
@@ -118,16 +120,13 @@ def save_motions(
     """
     X = pack_tracks(unpack_tracks(X)[0])
     labels = check_label_each(labels, len(X))
-    track_ids = np.arange(len(X)) if track_ids is None else np.asarray(track_ids)
-    if track_ids.shape != (len(X),):
-        raise ValueError(
-            f"{len(X)} tracks need an id each; got shape {track_ids.shape}"
-        )
+    track_ids = check_ids(range(len(X)) if track_ids is None else track_ids, len(X))
     folder = Path(folder)
     groups = {f"motion_{m}.npz": labels == m for m in np.unique(labels[labels >= 0])}
     if (labels < 0).any():
         groups["no_motion.npz"] = labels < 0
-    _make_folder(folder, groups)
+    folder.mkdir(exist_ok=True)
+    check_stale(folder, groups.__contains__)
     with ExitStack() as files:  # all are written before the first is put in its place
         for name, rows in groups.items():
             np.savez_compressed(
@@ -137,14 +136,3 @@ def save_motions(
                 track_ids=track_ids[rows],
             )
     return [folder / name for name in groups]
-
-
-def _make_folder(folder, names):
-    folder.mkdir(exist_ok=True)
-    present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
-    stale = sorted(path.name for path in present if path.name not in names)
-    if stale:
-        raise FileExistsError(
-            f"{folder} holds {', '.join(stale)} of another segmentation: remove it, or "
-            "name another folder"
-        )

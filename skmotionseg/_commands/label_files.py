@@ -10,7 +10,9 @@ from .._utils.writing import replacing
 LABEL_ENDINGS = (".npz", ".csv")
 # Columns of a table with a row per observation, and how they are written.
 OBSERVATIONS = "track,frame,x,y,label", "%d,%d,%.3f,%.3f,%d"
-TRACKS = "track,label", "%.15g,%d"
+TRACKS = "track,label", "%d,%d"
+# Ids that are no whole numbers, as a table may have them.
+NAMED = "track,label", "%.15g,%d"
 
 
 def write_labels(path, sequence, labels, probabilities=None):
@@ -37,7 +39,8 @@ def write_labels(path, sequence, labels, probabilities=None):
                 **sequence.video,
             )
             return
-        kind, columns = TRACKS, [sequence.track_ids, labels]
+        kind = TRACKS if sequence.track_ids.dtype.kind in "iu" else NAMED
+        columns = [sequence.track_ids, labels]
         if sequence.video:  # nobody else has these tracks
             kind = OBSERVATIONS
             track, columns = _observations(sequence, labels)

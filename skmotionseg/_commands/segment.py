@@ -12,7 +12,13 @@ from sklearn.utils import Bunch
 
 from .._segmenter.long_clips import LONG_CLIP
 from .._utils.optional import require
-from .._utils.writing import check_apart, check_output, check_output_folder
+from .._utils.validation import check_ids
+from .._utils.writing import (
+    check_apart,
+    check_output,
+    check_output_folder,
+    check_stale,
+)
 from ..video._frames import PICTURE_ENDINGS, is_video
 from .console import PICTURES, count, progress_console
 from .findings import print_findings
@@ -62,7 +68,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--split-dir": {
         "type": Path,
-        "help": "folder to write one track file per motion to",
+        "help": "folder to write one track file per motion to; it may hold those of an "
+        "earlier run if they are no more than --motions or --min-motions",
     },
     "--render": {
         "type": Path,
@@ -221,7 +228,7 @@ def _split(arguments, sequence, labels, console):
 def _check_options(arguments, video):
     """Refuse options that do not go together, and files that cannot be written."""
     check_output(arguments.out, LABEL_ENDINGS)
-    check_output_folder(arguments.split_dir)
+    _check_split(arguments)
     check_output(arguments.render, (".mp4", ".png") if video else PICTURES)
     check_output(arguments.report, PICTURES)
     check_mask_options(arguments, video)
@@ -235,6 +242,25 @@ def _check_options(arguments, video):
         _check_no_video_options(arguments)
     if arguments.confidence and arguments.out is None:
         raise ValueError("--confidence is written with the labels: add --out FILE")
+
+
+def _check_split(arguments):
+    """Refuse a folder with motions that might stay, as fewer than those may be found.
+
+    Files of as many motions as there will be at least are replaced.
+    """
+    check_output_folder(arguments.split_dir)
+    if arguments.split_dir is None:
+        return
+    auto = arguments.motions == "auto"
+    fewest = arguments.min_motions or 1 if auto else arguments.motions
+
+    def is_replaced(name):
+        number = name.removeprefix("motion_").removesuffix(".npz")
+        # Whether all tracks have a motion is seen only later.
+        return name == "no_motion.npz" or (number.isdecimal() and int(number) < fewest)
+
+    check_stale(arguments.split_dir, is_replaced)
 
 
 def _check_no_video_options(arguments):
@@ -275,15 +301,10 @@ def _load_tracks(arguments):
     from ..datasets import load_tracks
 
     sequence = load_tracks(arguments.file, **file_options(arguments))
-    return Bunch(
-        **{
-            "track_ids": np.arange(len(sequence.data)),
-            **sequence,
-            "video": {},
-            "seconds": {},
-            "objects": None,
-        }
-    )
+    sequence.setdefault("track_ids", np.arange(len(sequence.data)))
+    if arguments.split_dir is not None:  # not only once they are segmented
+        check_ids(sequence.track_ids, len(sequence.data))
+    return Bunch(**sequence, video={}, seconds={}, objects=None)
 
 
 def _sequence(arguments, frames, tracks, size):

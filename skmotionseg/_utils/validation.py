@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from numbers import Integral
+from numbers import Integral, Real
 
 import numpy as np
 import numpy.typing as npt
@@ -267,3 +267,40 @@ def check_label_each(
             f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
         )
     return check_labels(labels, name)
+
+
+def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer]:
+    """Names of tracks as an array of integers, one per track.
+
+    Parameters
+    ----------
+    track_ids : array-like of shape (n_tracks,)
+        Integers, also as objects, or floats that are whole and, below 2^53, exact.
+    n_tracks : int
+
+    Raises
+    ------
+    ValueError
+        If there are more or fewer, or one is no such number.
+    """
+    ids = np.asarray(track_ids)
+    if ids.shape != (n_tracks,):
+        raise ValueError(f"{n_tracks} tracks need an id each; got shape {ids.shape}")
+    if ids.dtype.kind in "iu":
+        return ids
+    others = [name for name in ids.tolist() if not _is_whole(name)]
+    if others:
+        raise ValueError(
+            "track_ids must be whole numbers that fit in 64 bits; got "
+            f"{others[0]!r} (dtype {ids.dtype})"
+        )
+    return np.array([int(name) for name in ids.tolist()], dtype=np.int64)
+
+
+def _is_whole(number):
+    """Whether it is an integer of 64 bits, or a float that stands for one alone."""
+    if isinstance(number, Integral):
+        return -(2**63) <= int(number) < 2**63
+    if not isinstance(number, Real):
+        return False
+    return float(number).is_integer() and abs(float(number)) < 2**53

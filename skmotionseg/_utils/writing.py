@@ -76,6 +76,29 @@ def check_output_folder(folder):
         raise ValueError(f"{folder} is not a folder that could be written to")
 
 
+def check_stale(folder, is_replaced):
+    """Refuse a folder that holds motions of another segmentation, which would stay.
+
+    Parameters
+    ----------
+    folder : Path
+        Need not be there.
+    is_replaced : callable
+        Tells of a file's name whether a new file takes its place.
+
+    Raises
+    ------
+    FileExistsError
+    """
+    present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
+    stale = sorted(path.name for path in present if not is_replaced(path.name))
+    if stale:
+        raise FileExistsError(
+            f"{folder} holds {', '.join(stale)} of another segmentation: remove it, or "
+            "name another folder"
+        )
+
+
 @contextmanager
 def replacing(path):
     """A binary file beside the target, put in its place once it is whole."""

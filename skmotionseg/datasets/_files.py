@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from textwrap import shorten
 
@@ -44,6 +46,8 @@ OBSERVATION_NAMES = {
     "occluded": ("occluded",),
 }
 NEEDED = ("track", "frame", "x", "y")
+# Names that end in the number of a frame: no dates, and nothing that may have a sign.
+NUMBERED = re.compile(r"[a-z_. ]*?(\d+(?:\.\d+)?)")
 # Columns that may hold truth values, and what an observation has there.
 SEEN = {"visible": True, "occluded": False}
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -88,12 +92,13 @@ def load_tracks(
         (AdelaideRMF, two images).
 
         ``.csv``: with a header ``track,frame,x,y`` (also ``id`` or ``t``; and, if
-        known, ``label`` and ``visible`` or ``occluded``), one row per observation,
-        frames counted from any number; or one row per track and two columns per
-        frame, empty where unseen, with or without a header. Under a header, a first
-        column that holds the index, as pandas writes it, becomes ``track_ids``, and a
-        column ``label`` becomes ``target``. Columns may also be separated by
-        semicolons (commas are decimal then), tabs or, if none is empty, blanks.
+        known, ``label``, the same in all rows of a track or empty, and ``visible`` or
+        ``occluded``), one row per observation, frames counted from any number; or one
+        row per track and two columns per frame, in the order of frames, empty where
+        unseen, with or without a header. Under a header, a first column that holds the
+        index, as pandas writes it, becomes ``track_ids``, and a column ``label``
+        becomes ``target``. Columns may also be separated by semicolons (commas are
+        decimal then), tabs or, if none is empty, blanks.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
@@ -322,10 +327,7 @@ def _read_csv(path):
         return _read_observations(columns, rows[1:], path.stat().st_size)
     others = [name for name in header if name not in (*INDEX_NAMES, *LABEL_NAMES)]
     if {"x", "y"} <= set(others) and any(name[0] not in "xy" for name in others):
-        raise ValueError(
-            "a table with a column x and a column y has one row per observation, and "
-            f"needs the columns {', '.join(NEEDED)}; got {', '.join(header)}"
-        )
+        raise _lack_of_columns(header)
     return _read_wide(header, rows)
 
 
@@ -354,6 +356,14 @@ def _observation_columns(header):
     return places
 
 
+def _lack_of_columns(header):
+    """The error that a table of observations has other columns than are needed."""
+    return ValueError(
+        f"a table with one row per observation needs the columns {', '.join(NEEDED)}; "
+        f"got {', '.join(header)}"
+    )
+
+
 def _read_wide(header, rows):
     """Tracks from one row per track."""
     if not _is_header(header):
@@ -373,6 +383,8 @@ def _read_wide(header, rows):
             "two of its four columns count, as if there were one row per observation: "
             f"name them track, frame, x and y; got {', '.join(header)}"
         )
+    if {"track", "frame"} <= _observation_columns(header).keys():
+        raise _lack_of_columns(header)
     fields = {}
     columns = list(range(len(header)))
     for i in [i for i in columns if header[i] in LABEL_NAMES][:1]:
@@ -417,14 +429,22 @@ def _initials(names):
 
 
 def _check_order(names):
-    """Refuse columns that are named x and y, but in another order than ours."""
+    """Refuse columns in another order than ours, as far as their names tell it."""
+    if len(names) % 2:
+        return
     initials = _initials(names)
-    is_even = len(names) % 2 == 0
-    if is_even and set(initials) == {"x", "y"} and initials != "xy" * (len(names) // 2):
+    if set(initials) == {"x", "y"} and initials != "xy" * (len(names) // 2):
         raise ValueError(
             "columns must be x and y of the first frame, x and y of the second, and "
             f"so on; got {', '.join(names[:4])}, ..."
         )
+    numbered = [found for name in names if (found := NUMBERED.fullmatch(name))]
+    for one, other in pairwise(numbered if len(numbered) == len(names) else ()):
+        if float(one[1]) > float(other[1]):
+            raise ValueError(
+                "columns must be in the order of their frames, by the numbers in their "
+                f"names; got {one[0]} before {other[0]}"
+            )
 
 
 def _is_number(cell):
@@ -459,11 +479,26 @@ def _read_observations(places, rows, file_size):
     points[row, frame] = np.where(_seen(columns)[:, None], observed, np.nan)
     labels = None
     if "label" in columns:
-        labels = np.empty(len(tracks), dtype=int)
-        named = np.nan_to_num(columns["label"], nan=-1)
-        labels[row] = whole_numbers(named, "the column 'label'")
+        labels = _labels_of_tracks(tracks, row, columns["label"])
     fields = {"data": pack_tracks(points), "target": labels, "track_ids": tracks}
     return fields
+
+
+def _labels_of_tracks(tracks, row, labels):
+    """The label that a track has in all of its rows that have one; -1 if none has."""
+    named = ~np.isnan(labels)
+    row, labels = row[named], whole_numbers(labels[named], "the column 'label'")
+    found = np.full(len(tracks), -1)
+    found[row] = labels
+    others = np.flatnonzero(found[row] != labels)
+    if len(others):
+        track = row[others[0]]
+        raise ValueError(
+            f"a track must have one label; track {tracks[track]} has "
+            f"{labels[others[0]]} and {found[track]} (leave out the column 'label' if "
+            "labels change from frame to frame)"
+        )
+    return found
 
 
 def _seen(columns):

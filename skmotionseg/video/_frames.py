@@ -270,10 +270,7 @@ def _read_camera(capture):
 
 
 def _open_folder(folder):
-    paths = sorted(
-        (p for p in folder.iterdir() if p.suffix.lower() in PICTURE_ENDINGS),
-        key=_natural_order,
-    )
+    paths = sorted(filter(_is_frame, folder.iterdir()), key=_natural_order)
     if not paths:
         raise ValueError(
             f"no frames ({', '.join(PICTURE_ENDINGS)}) are in the folder {folder}"
@@ -286,10 +283,17 @@ def _open_folder(folder):
     )
 
 
+def _is_frame(path):
+    """Whether this is a picture: no folder, and no hidden file, as ``._0.png`` is."""
+    is_named_so = path.suffix.lower() in PICTURE_ENDINGS
+    return is_named_so and not path.name.startswith(".") and not path.is_dir()
+
+
 def _natural_order(path):
     """Sorts frame2 before frame10."""
     parts = re.split(r"(\d+)", path.name)
-    return [int(part) if part.isdigit() else part for part in parts]
+    # Not isdigit, which takes superscripts for numbers.
+    return [int(part) if part.isdecimal() else part for part in parts]
 
 
 def _read_picture(path):

@@ -14,7 +14,7 @@ from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects, ranked
 from .._utils.validation import check_label_each
 from ._checks import check_frames, check_number
-from ._frames import Progress, Source
+from ._frames import Progress, Source, open_frames
 from ._recognition import known_again
 
 
@@ -69,9 +69,11 @@ def find_objects(
 
     Raises
     ------
-    ValueError
-        If the tracks are malformed, there is not one label per track, or frames are
-        read and are too few or of another size.
+    FileNotFoundError, TypeError, ValueError
+        If the tracks are malformed, there is not one label per track, the source is not
+        as described, or frames are read and are too few or of another size.
+    ImportError
+        If there is a source and opencv-python-headless is missing.
 
     Examples
     --------
@@ -92,12 +94,13 @@ def find_objects(
     labels = check_label_each(labels, len(points))
     for name, side in (("width", width), ("height", height)):
         check_number(name, side, Real, 1)
+    frames = None if source is None else open_frames(source)
     size = width, height
     objects = _by_shot(points, visibility, labels, size)
-    if source is None:
+    if frames is None:
         return objects
     seen = partial(tracks_by_frame, points, visibility)
-    objects = known_again(source, seen, objects, size, progress)
+    objects = known_again(frames, seen, objects, size, progress)
     return ranked(objects, visibility)
 
 

@@ -16,7 +16,7 @@ from .._utils.colours import motion_colour, red_green_blue
 from .._utils.optional import require
 from .._utils.validation import check_label_each
 from .._utils.writing import check_output, replacing_path
-from ._checks import check_fps, check_number, make_reporter
+from ._checks import check_fps, check_frames, check_number, make_reporter
 from ._frames import Progress, Source, first_frames, open_frames
 from ._pixels import at_scale
 
@@ -107,8 +107,7 @@ def render_segmentation(
     True
     """
     points, visibility = unpack_tracks(X)
-    if not points.shape[1]:
-        raise ValueError("tracks of one frame or more are needed; got none")
+    check_frames(X, points)
     labels = check_label_each(labels, len(points))
     out = Path(out)
     check_output(out, RENDER_ENDINGS)

@@ -21,7 +21,7 @@ from .._utils.optional import require
 from .._utils.png import encode_grey
 from .._utils.validation import check_label_each
 from .._utils.writing import check_output, replacing
-from ._checks import make_reporter
+from ._checks import check_frames, make_reporter
 from ._frames import Progress, Source, first_frames, open_frames
 from ._rendering import DEFAULT_FPS, with_masks
 
@@ -73,9 +73,9 @@ def write_viewer(
     Raises
     ------
     FileNotFoundError, TypeError, ValueError
-        If the source is not as described or has fewer frames than the tracks, there
-        is not one label, or one probability, per track, a mask is missing, or ``out``
-        has another ending or no folder.
+        If the source is not as described or has fewer frames than the tracks, these
+        have none, there is not one label, or one probability, per track, a mask is
+        missing, or ``out`` has another ending or no folder.
     ImportError
         If opencv-python-headless is missing.
 
@@ -93,6 +93,7 @@ def write_viewer(
     False
     """
     points, visibility = unpack_tracks(X)
+    check_frames(X, points)
     labels = check_label_each(labels, len(points))
     sure = None if probabilities is None else np.asarray(probabilities, dtype=float)
     if sure is not None and sure.shape != labels.shape:

@@ -512,6 +512,14 @@ HEADERS = {
     "x0,y0,x1,y1\n": "no tracks below its header",
     "0,1,2.5,what\n1,2,3,4\n": "could not convert string to float: 'what'",
     "particle,step,x,y\n0,0,1.5,2\n": "columns track, frame, x, y; got particle, step",
+    "track_id,frame,u,v\n5,0,1.5,2\n5,1,2,2\n": (
+        "row per observation needs the columns track, frame, x, y; got track_id, frame"
+    ),
+    "id,t,pos_x,pos_y\n5,9,1,2\n7,3,2,2\n": "x, y; got id, t, pos_x, pos_y",
+    "track,frame,u,v,score\n5,0,1.5,2,0.9\n": "x, y; got track, frame, u, v, score",
+    "x1,y1,x0,y0\n1,2,3,4\n": "order of their frames, .* got y1 before x0",
+    "id,x0,y0,x1,y1,x10,y10,x2,y2,label\n1,2,3,4,5,6,7,8,9,0\n": "got y10 before x2",
+    "u0,u1,v0,v1\n1,2,3,4\n": "got u1 before v0",
     "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
     "frame_id;point;px;py\n0;0;1.5;2\n1;0;1.6;2\n0;1;7;7.5\n1;1;7;7.6\n": (
         r"two of its four columns count, .* got frame_id, point, px, py"
@@ -651,9 +659,19 @@ def test_csv_of_two_frames_of_a_grid(tmp_path, second):
         assert_array_equal(load_tracks(path).data, X)
 
 
-def test_csv_whose_pairs_of_columns_have_the_same_names(tmp_path):
+@pytest.mark.parametrize(
+    "names",
+    [
+        "x,y,x.1,y.1",  # pandas, of columns that have the same names
+        "x_9,y_9,x_10,y_10",
+        "x0.5,y0.5,x1.0,y1.0",
+        "x-1,y-1,x0,y0",
+        "x 2024-01-31,y 2024-01-31,x 2024-02-01,y 2024-02-01",
+    ],
+)
+def test_csv_whose_columns_are_in_order(names, tmp_path):
     path = tmp_path / "clip.csv"
-    path.write_text("id,x,y,x.1,y.1\n4,1,2,3,4\n")
+    path.write_text(f"id,{names}\n4,1,2,3,4\n")
     assert_array_equal(load_tracks(path).data, [[1, 2, 3, 4]])
 
 
@@ -661,6 +679,23 @@ def test_csv_with_an_empty_label(tmp_path):
     path = tmp_path / "clip.csv"
     path.write_text("track,frame,x,y,label\n0,0,1,2,0\n1,0,5,6,\n")
     assert_array_equal(load_tracks(path).target, [0, -1])
+
+
+@pytest.mark.parametrize("cells", [["2", "", ""], ["", "2", ""], ["", "2", "2"]])
+def test_csv_with_a_label_in_some_rows_of_a_track(cells, tmp_path):
+    path = tmp_path / "clip.csv"
+    rows = [f"7,{frame},1,2,{cell}" for frame, cell in enumerate(cells)]
+    path.write_text("\n".join(["track,frame,x,y,label", *rows, "9,0,5,6,"]))
+    assert_array_equal(load_tracks(path).target, [2, -1])
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_csv_of_a_track_with_two_labels(order, tmp_path):
+    path = tmp_path / "clip.csv"
+    rows = ["4,0,5,6,1", "7,0,1,2,2", "7,1,1,2,", "7,2,1,2,0"][::order]
+    path.write_text("\n".join(["track,frame,x,y,label", *rows]))
+    with pytest.raises(ValueError, match=r"one label; track 7 has [02] and [02]"):
+        load_tracks(path)
 
 
 # -------------------------------------------------------- files of the benchmarks

@@ -75,6 +75,55 @@ def test_a_file_a_motion(scene, tmp_path):
             assert_array_equal(arrays["track_ids"], ids[y == motion])
 
 
+def as_pandas(ids):
+    return pytest.importorskip("pandas").Index(ids)
+
+
+def as_nullable(ids):
+    return pytest.importorskip("pandas").array(ids, dtype="Int64")
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [list, np.uint64, as_pandas, as_nullable, np.float64, lambda a: a.astype("O")],
+)
+def test_ids_of_any_kind_that_are_whole(scene, tmp_path, kind):
+    X, y = scene
+    ids = 2**50 + np.arange(60)
+    for path in save_motions(tmp_path, X, y, track_ids=kind(ids)):
+        clip = load_tracks(path)
+        assert clip.track_ids.dtype.kind in "iu"
+        assert_array_equal(clip.track_ids, ids[y == clip.target[0]])
+
+
+def test_large_ids_that_are_objects(scene, tmp_path):
+    X, y = scene
+    ids = np.array([*range(59), 2**60 + 1], dtype=object)
+    files = save_motions(tmp_path, X, y, track_ids=ids)
+    assert 2**60 + 1 in [k for path in files for k in load_tracks(path).track_ids]
+
+
+@pytest.mark.parametrize(
+    "name, words",
+    [
+        ("a0", r"fit in 64 bits; got 'a0' \(dtype object\)"),
+        (0.5, "must be whole numbers that fit in 64 bits; got 0.5"),
+        (np.nan, "got nan"),
+        (None, r"got None \(dtype object\)"),
+        (2**63, "got 9223372036854775808"),
+    ],
+)
+def test_ids_that_could_not_be_read_come_before_any_file(scene, tmp_path, name, words):
+    X, y = scene
+    folder = tmp_path / "motions"
+    with pytest.raises(ValueError, match=words):
+        save_motions(folder, X, y, track_ids=np.array([*range(59), name], dtype="O"))
+    words = r"got 'a0' \(dtype <U3\)"
+    with pytest.raises(ValueError, match=words):
+        save_motions(folder, X, y, track_ids=[f"a{k}" for k in range(60)])
+    assert not folder.exists()
+
+
 def test_files_are_replaced(scene, tmp_path):
     X, y = scene
     save_motions(str(tmp_path), X, y)

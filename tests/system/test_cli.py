@@ -18,6 +18,7 @@ from helpers.track_files import write_struct
 from helpers.two_images import two_images
 from numpy.testing import assert_array_equal
 from rich.console import Console
+from sklearn.utils import Bunch
 
 from skmotionseg import MotionSegmenter, __version__, unpack_tracks
 from skmotionseg._commands import label_files, runs
@@ -227,6 +228,37 @@ def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
     code, _, errors = run("segment", scene_file, *fewer)
     assert code == 2
     assert "motion_2.npz of another segmentation" in errors
+
+
+@pytest.mark.parametrize(
+    "options, stale",
+    [
+        ((), "motion_1.npz, motion_2.npz"),
+        (("--min-motions", 2), "motion_2.npz"),
+        (("--motions", 2), "motion_2.npz"),
+        (("--motions", 3), None),
+        (("--min-motions", 3), None),
+    ],
+)
+def test_motions_that_might_stay_are_refused_before_any_work(
+    run, scene_file, tmp_path, monkeypatch, options, stale
+):
+    def fit(*_):
+        raise RuntimeError("at work")
+
+    monkeypatch.setattr(MotionSegmenter, "fit", fit)
+    names = ["motion_0.npz", "motion_1.npz", "motion_2.npz", "no_motion.npz"]
+    for name in names:
+        (tmp_path / name).touch()
+    command = "segment", scene_file, *options, "--split-dir", tmp_path
+    if stale is None:
+        with pytest.raises(RuntimeError, match="at work"):
+            run(*command)
+    else:
+        code, _, errors = run(*command)
+        assert code == 2
+        assert f"{tmp_path} holds {stale} of another segmentation: remove it" in errors
+    assert all((tmp_path / name).read_bytes() == b"" for name in names)
 
 
 def test_segment_chooses_the_count_by_default(run, scene_file, as_it_comes):
@@ -600,6 +632,7 @@ ERRORS = {
     "segment {scene} --split-dir {long}": "long.npy is not a folder that could be wr",
     f"{BENCH} {{data}} --exponents 5 6": "--exponents is for --paper",
     "segment {scene} --split-dir nowhere/motions": "nowhere",
+    "segment {named} --split-dir motions": "must be whole numbers .*; got 0.5",
     "segment {scene} --motions 3 --min-motions 2": "--min-motions is for --motions a",
     "segment {scene} --min-motions 3 --max-motions 2": "--min-motions must not exceed",
     "segment {scene} --min-motions 11": "--max-motions; got 11 and 10",
@@ -631,11 +664,13 @@ def test_errors_are_one_line_and_come_first(
         "other": tmp_path / "other.npz",
         "broken": tmp_path / "broken.npz",
         "long": tmp_path / "long.npy",
+        "named": tmp_path / "named.csv",
         "scene": scene_file,
         "data": benchmarks,
     }
     paths["notes"].write_text("not tracks")
     np.savez(paths["other"], a=np.ones(3))
+    paths["named"].write_text("id,x0,y0,x1,y1\n0.5,1,2,3,4\n1,9,9,9,9\n")
     np.save(paths["long"], np.arange(202.0) + 100 * np.arange(12.0)[:, None])
     paths["broken"].write_bytes(scene_file.read_bytes()[:1000])
     before = set(tmp_path.rglob("*"))
@@ -766,3 +801,20 @@ def test_labels_carry_the_files_own_track_names(run, tmp_path, scene):
     assert code == 0
     names = np.loadtxt(tmp_path / "out.csv", delimiter=",", skiprows=1)[:, 0]
     assert_array_equal(names, np.sort(2000003 - 7 * np.arange(len(points))))
+
+
+@pytest.mark.parametrize("first", [10**15, 2**60])
+def test_labels_carry_whole_names_digit_by_digit(run, tmp_path, scene, first):
+    names = first + np.arange(len(scene[0]))
+    file, out = tmp_path / "clip.npz", tmp_path / "out.csv"
+    np.savez(file, X=scene[0], track_ids=names)
+    assert run("segment", file, *BY_GRAPH, "--out", out)[0] == 0
+    written = np.loadtxt(out, delimiter=",", skiprows=1, dtype=np.int64)
+    assert_array_equal(written[:, 0], names)
+
+
+def test_labels_carry_names_that_are_not_whole(tmp_path):
+    out, ids = tmp_path / "out.csv", np.array([0.5, 2.0])
+    clip = Bunch(track_ids=ids, video={})
+    label_files.write_labels(out, clip, np.array([1, -1]), np.array([0.75, 0.5]))
+    assert out.read_text() == "track,label,probability\n0.5,1,0.750\n2,-1,0.500\n"

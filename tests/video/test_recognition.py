@@ -129,6 +129,17 @@ def test_frames_are_read_only_where_something_may_have_come_back():
     assert Film(30, []).known_again(unread()) == []
 
 
+def test_a_source_that_is_none_is_named_before_any_work(tmp_path, monkeypatch):
+    def at_work(*_):
+        raise AssertionError("things were looked for")
+
+    monkeypatch.setattr("skmotionseg.video._objects._by_shot", at_work)
+    X, size = np.ones((3, 8)), {"width": 20, "height": 10}
+    for source, error in ((tmp_path / "nope.mp4", FileNotFoundError), (7, TypeError)):
+        with pytest.raises(error, match=r"no video or folder|the path of a video"):
+            find_objects(X, [0, 0, 1], **size, source=source)
+
+
 def test_progress_counts_all_frames():
     film, done = Film(70, [(0, 24, 0, 8), (45, 69, 0, 60)]), []
     size = WIDTH, HEIGHT

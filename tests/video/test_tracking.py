@@ -22,6 +22,7 @@ from skmotionseg.preprocessing import (
     select_long_tracks,
 )
 from skmotionseg.video import follow_points, render_segmentation, track_video
+from skmotionseg.video._frames import open_frames
 from skmotionseg.video._grid import (
     CLEARANCE,
     TrackLog,
@@ -352,6 +353,34 @@ def test_a_folder_is_read_in_the_order_of_its_numbers(panned, tmp_path):
     np.testing.assert_array_equal(result.tracks, track_video(panned).tracks)
 
 
+def test_folders_and_hidden_files_are_no_frames(panned, tmp_path):
+    folder = write_folder(tmp_path / "frames", panned[:3])
+    (folder / "frame1.5.png").mkdir()
+    (folder / "._frame0.png").write_bytes(b"as macOS writes it")
+    frames = open_frames(folder)
+    assert frames.names == ["frame0.png", "frame1.png", "frame2.png"]
+    np.testing.assert_array_equal(list(frames)[2][..., 0], panned[2])
+    (tmp_path / "hidden").mkdir()
+    (tmp_path / "hidden" / ".0.png").touch()
+    with pytest.raises(ValueError, match=r"no frames .* are in the folder"):
+        open_frames(tmp_path / "hidden")
+
+
+def test_superscripts_are_no_numbers_of_frames(panned, tmp_path):
+    folder = write_folder(tmp_path / "frames", panned[:2])
+    (folder / "frame0.png").rename(folder / "10²1.png")
+    (folder / "frame1.png").rename(folder / "9²1.png")
+    assert open_frames(folder).names == ["9²1.png", "10²1.png"]
+
+
+def test_links_to_no_file_are_not_passed_over(panned, tmp_path):
+    folder = write_folder(tmp_path / "frames", panned[:3])
+    (folder / "frame1.png").unlink()
+    (folder / "frame1.png").symlink_to(tmp_path / "nowhere.png")
+    with pytest.raises(FileNotFoundError, match=r"frame1.png"):
+        track_video(folder)
+
+
 def test_max_frames(panned):
     assert track_video(panned, max_frames=6).tracks.shape[1] == 12
 
@@ -541,7 +570,8 @@ def test_a_failed_rendering_leaves_what_was_there(panned, tmp_path):
 
 @pytest.mark.parametrize("out", ["out.mp4", "out.png"])
 def test_tracks_of_no_frame_cannot_be_drawn(panned, tmp_path, out):
-    with pytest.raises(ValueError, match="tracks of one frame or more are needed"):
+    words = r"of one frame or more; got an array of shape \(1, 0\)"
+    with pytest.raises(ValueError, match=words):
         render_segmentation(panned, np.ones((1, 0)), [0], tmp_path / out)
     assert not list(tmp_path.iterdir())
 

@@ -98,17 +98,17 @@ def test_a_page_of_many_tracks_draws_some_of_each_motion(tmp_path):
     "change, words",
     [
         ({"labels": [0]}, "3 tracks need one label each"),
+        ({"X": np.empty((3, 0))}, r"one frame or more; got an array of shape \(3, 0\)"),
         ({"probabilities": [0.5]}, "3 tracks need one probability each"),
         ({"out": "page.htm"}, "end in .html"),
         ({"masks": []}, "frame 0 needs a mask"),
     ],
 )
 def test_pages_that_cannot_be(tmp_path, change, words):
-    given = {"labels": [0, 0, 1], "out": "page.html", **change}
-    labels, out = given.pop("labels"), tmp_path / given.pop("out")
-    frames, X = np.zeros((2, 20, 20), np.uint8), np.ones((3, 4))
+    given = {"X": np.ones((3, 4)), "labels": [0, 0, 1], "out": "page.html", **change}
+    given["out"] = tmp_path / given["out"]
     with pytest.raises(ValueError, match=words):
-        write_viewer(frames, X, labels, out, **given)
+        write_viewer(np.zeros((2, 20, 20), np.uint8), **given)
     assert not list(tmp_path.iterdir())
 
 
