@@ -68,8 +68,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--split-dir": {
         "type": Path,
-        "help": "folder to write one track file per motion to; it may hold those of an "
-        "earlier run if they are no more than --motions or --min-motions",
+        "help": "folder to write one track file per motion to, in place of those of an "
+        "earlier run, which must not have been more",
     },
     "--render": {
         "type": Path,
@@ -245,22 +245,18 @@ def _check_options(arguments, video):
 
 
 def _check_split(arguments):
-    """Refuse a folder with motions that might stay, as fewer than those may be found.
-
-    Files of as many motions as there will be at least are replaced.
-    """
+    """Refuse a folder with more motions, of an earlier run, than there can be."""
     check_output_folder(arguments.split_dir)
-    if arguments.split_dir is None:
-        return
     auto = arguments.motions == "auto"
-    fewest = arguments.min_motions or 1 if auto else arguments.motions
+    most = arguments.max_motions if auto else arguments.motions
+    if arguments.split_dir is None or most is None:
+        return
 
-    def is_replaced(name):
+    def may_be_replaced(name):
         number = name.removeprefix("motion_").removesuffix(".npz")
-        # Whether all tracks have a motion is seen only later.
-        return name == "no_motion.npz" or (number.isdecimal() and int(number) < fewest)
+        return not number.isdecimal() or int(number) < most
 
-    check_stale(arguments.split_dir, is_replaced)
+    check_stale(arguments.split_dir, may_be_replaced)
 
 
 def _check_no_video_options(arguments):

@@ -92,13 +92,13 @@ def load_tracks(
         (AdelaideRMF, two images).
 
         ``.csv``: with a header ``track,frame,x,y`` (also ``id`` or ``t``; and, if
-        known, ``label``, the same in all rows of a track or empty, and ``visible`` or
-        ``occluded``), one row per observation, frames counted from any number; or one
-        row per track and two columns per frame, in the order of frames, empty where
-        unseen, with or without a header. Under a header, a first column that holds the
-        index, as pandas writes it, becomes ``track_ids``, and a column ``label``
-        becomes ``target``. Columns may also be separated by semicolons (commas are
-        decimal then), tabs or, if none is empty, blanks.
+        known, ``label``, that of the last frame with one counting for a track, and
+        ``visible`` or ``occluded``), one row per observation, frames counted from any
+        number; or one row per track and two columns per frame, in the order of frames,
+        empty where unseen, with or without a header. Under a header, a first column
+        that holds the index, as pandas writes it, becomes ``track_ids``, and a column
+        ``label`` becomes ``target``. Columns may also be separated by semicolons
+        (commas are decimal then), tabs or, if none is empty, blanks.
 
         ``.dat``: text of MoSeg, the program of Brox, Malik and Ochs.
     layout : {"tracks_first", "frames_first"}, optional
@@ -479,25 +479,17 @@ def _read_observations(places, rows, file_size):
     points[row, frame] = np.where(_seen(columns)[:, None], observed, np.nan)
     labels = None
     if "label" in columns:
-        labels = _labels_of_tracks(tracks, row, columns["label"])
+        labels = _last_labels(len(tracks), row, frame, columns["label"])
     fields = {"data": pack_tracks(points), "target": labels, "track_ids": tracks}
     return fields
 
 
-def _labels_of_tracks(tracks, row, labels):
-    """The label that a track has in all of its rows that have one; -1 if none has."""
-    named = ~np.isnan(labels)
-    row, labels = row[named], whole_numbers(labels[named], "the column 'label'")
-    found = np.full(len(tracks), -1)
-    found[row] = labels
-    others = np.flatnonzero(found[row] != labels)
-    if len(others):
-        track = row[others[0]]
-        raise ValueError(
-            f"a track must have one label; track {tracks[track]} has "
-            f"{labels[others[0]]} and {found[track]} (leave out the column 'label' if "
-            "labels change from frame to frame)"
-        )
+def _last_labels(n_tracks, row, frame, labels):
+    """The label of the last frame in which each track has one; -1 if in none."""
+    named = np.flatnonzero(~np.isnan(labels))
+    named = named[np.argsort(frame[named], kind="stable")]
+    found = np.full(n_tracks, -1)
+    found[row[named]] = whole_numbers(labels[named], "the column 'label'")
     return found
 
 

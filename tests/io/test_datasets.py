@@ -690,12 +690,12 @@ def test_csv_with_a_label_in_some_rows_of_a_track(cells, tmp_path):
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_csv_of_a_track_with_two_labels(order, tmp_path):
+def test_csv_of_a_track_whose_label_changes_has_the_last(order, tmp_path):
+    """As those have that a stream has labelled."""
     path = tmp_path / "clip.csv"
-    rows = ["4,0,5,6,1", "7,0,1,2,2", "7,1,1,2,", "7,2,1,2,0"][::order]
+    rows = ["4,0,5,6,1", "7,0,1,2,-1", "7,1,1,2,2", "7,2,1,2,"][::order]
     path.write_text("\n".join(["track,frame,x,y,label", *rows]))
-    with pytest.raises(ValueError, match=r"one label; track 7 has [02] and [02]"):
-        load_tracks(path)
+    assert_array_equal(load_tracks(path).target, [1, 2])
 
 
 # -------------------------------------------------------- files of the benchmarks

@@ -233,14 +233,14 @@ def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
 @pytest.mark.parametrize(
     "options, stale",
     [
-        ((), "motion_1.npz, motion_2.npz"),
-        (("--min-motions", 2), "motion_2.npz"),
+        (("--motions", 1), "motion_1.npz, motion_2.npz"),
         (("--motions", 2), "motion_2.npz"),
+        (("--max-motions", 2), "motion_2.npz"),
         (("--motions", 3), None),
-        (("--min-motions", 3), None),
+        ((), None),
     ],
 )
-def test_motions_that_might_stay_are_refused_before_any_work(
+def test_motions_that_would_stay_are_refused_before_any_work(
     run, scene_file, tmp_path, monkeypatch, options, stale
 ):
     def fit(*_):
