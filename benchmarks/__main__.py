@@ -113,6 +113,8 @@ def main(arguments=None):
     for row in measured:  # kept one by one: the whole takes long
         rows.append(row)
         report.save(arguments.json, section, [row])
+    if not rows:
+        raise SystemExit("nothing to measure has a name that matches")
     report.show(rows, COLUMNS[section])
 
 

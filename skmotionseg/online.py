@@ -193,9 +193,10 @@ class OnlineMotionSegmenter(BaseEstimator):
         labels, events = self._stream.step(points, ids, self._partition)
         self.labels_, self.track_ids_, self.events_ = labels, ids, events
         self.label_reasons_ = self._reasons(labels, ids)
-        numbers = [m.number for m in self._stream.motions if not m.is_candidate]
-        self.motions_ = np.array(sorted(numbers), dtype=int)
-        self.n_motions_ = len(numbers)
+        # What comes back is known by its tracks before its motion is.
+        living = [m.number for m in self._stream.motions if not m.is_candidate]
+        self.motions_ = np.union1d(living, labels[labels >= 0]).astype(int)
+        self.n_motions_ = len(self.motions_)
         self.background_ = 0 if self._stream.numbers.next else -1
         self.n_frames_ = self._stream.frame + 1
         return labels.copy()
@@ -208,7 +209,8 @@ class OnlineMotionSegmenter(BaseEstimator):
         result : Bunch
             ``track_ids``, ndarray of int, shape (n_tracks,), ascending; ``labels``,
             ndarray of int, shape (n_tracks,): the last label of each, in which motions
-            that turned out to be one have one number; ``n_motions``, int: different
+            that turned out to be one have one number, and tracks that were gone before
+            motions were found have that of theirs; ``n_motions``, int: different
             labels, without -1. Without history, of the tracks of the last frames only.
 
         Raises

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import zlib
+from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -44,7 +47,8 @@ class StoredTracks:
     Raises
     ------
     ValueError
-        If the folder holds something else, or tracks of other settings.
+        If the folder holds something else, files that are damaged, or tracks of other
+        settings.
     """
 
     def __init__(self, folder, settings):
@@ -57,16 +61,16 @@ class StoredTracks:
                 raise ValueError(f"{folder} holds no run that could be resumed")
             self._note(None)
             return
-        known = json.loads(path.read_text())
+        known, n_frames = _noted(path)
         for name, value in settings.items():
-            if known["settings"].get(name) != value:
+            if known.get(name) != value:
                 raise ValueError(
                     f"{folder} is of another run: its {name} is "
-                    f"{known['settings'].get(name)!r}, and this one's {value!r}"
+                    f"{known.get(name)!r}, and this one's {value!r}"
                 )
         while self._path(self.n_frames).exists():
             self.n_frames += len(_read(self._path(self.n_frames))["counts"])
-        self.is_whole = known["n_frames"] == self.n_frames
+        self.is_whole = n_frames == self.n_frames
 
     def append(self, tracked, state, size):
         """Store frames.
@@ -149,9 +153,27 @@ class StoredTracks:
             file.write(json.dumps(noted, indent=1).encode())
 
 
+def _noted(path):
+    """The settings that a run has noted, and the frames of its video, if it is done."""
+    with _named_if_damaged(path):
+        known = json.loads(path.read_text())
+        return {**known["settings"]}, known["n_frames"]
+
+
 def _read(path):
-    with np.load(path) as file:
+    with _named_if_damaged(path), np.load(path) as file:
         return dict(file)
+
+
+@contextmanager
+def _named_if_damaged(path):
+    """Name a file that cannot be read as what it is."""
+    try:
+        yield
+    except (BadZipFile, EOFError, KeyError, TypeError, ValueError, zlib.error) as error:
+        raise ValueError(
+            f"{path} is damaged: remove {path.parent} to begin anew"
+        ) from error
 
 
 def track_into(stored, frames, options, max_frames, report):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import tempfile
 from contextlib import contextmanager
@@ -21,6 +22,9 @@ from .stored_tracks import StoredClip, StoredTracks, track_into
 # video whose tracks are for masks, longer ones being taken in blocks.
 WHOLE = ("render", "report", "split_dir", "prompts", "viewer")
 LONGEST_WHOLE = 500
+# Pieces of a video, and their bytes, by which one is told from another: all of it, if
+# it is small.
+PIECES, PIECE = 256, 2**16
 # Tracks of one homography, without which nothing is said.
 FEWEST_TRACKS = 4
 
@@ -128,15 +132,33 @@ def track_to(folder, arguments, frames, console):
 def _settings(arguments, frames):
     """What the tracks depend on."""
     path = arguments.file.resolve()
+    names = [] if frames.names is None else frames.names
     return {
         "file": str(path),
-        "bytes": path.stat().st_size if path.is_file() else frames.n_announced,
+        "content": _content([path / name for name in names] or [path]),
         "grid": arguments.grid,
         "stride": arguments.stride,
         "max-frames": arguments.max_frames,
         "max-side": arguments.max_side,
         "version": __version__,
     }
+
+
+def _content(files):
+    """A digest of the names and sizes of some files, and of pieces of what they hold.
+
+    Another video may have the same place, length and size.
+    """
+    digest = hashlib.sha256()
+    n_pieces = max(1, PIECES // len(files))
+    for file in files:
+        size = file.stat().st_size
+        digest.update(f"{file.name} {size}\n".encode())
+        with file.open("rb") as stream:
+            for start in np.linspace(0, max(0, size - PIECE), n_pieces, dtype=int):
+                stream.seek(start)
+                digest.update(stream.read(PIECE))
+    return digest.hexdigest()[:16]
 
 
 def _check_kept(arguments, n_kept, n_frames):

@@ -8,6 +8,7 @@ import re
 import struct
 from collections.abc import Callable, Iterable
 from copy import copy
+from functools import partial
 from itertools import islice
 from numbers import Integral
 from pathlib import Path
@@ -140,13 +141,16 @@ def open_frames(source, cameras=False):
         path = Path(source)
         return _open_folder(path) if path.is_dir() else _open_video(path)
     try:
-        iter(source)
+        iterator = iter(source)
     except TypeError:
         raise TypeError(
             "expected the path of a video or of a folder of frames, or arrays; got "
             f"{type(source).__name__}"
         ) from None
     n_announced = len(source) if hasattr(source, "__len__") else None
+    if iterator is source:  # which may fill one array again and again
+        copied = partial(np.array, subok=True)
+        return Frames("the arrays", lambda: map(copied, source))
     return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
 
 
@@ -163,12 +167,11 @@ def first_frames(frames, n_frames, report):
 def _as_picture(frame, name):
     frame = np.asarray(frame)
     grey = frame.ndim == 2
-    if frame.dtype != np.uint8 or not (
-        grey or (frame.ndim == 3 and frame.shape[2] == 3)
-    ):
+    is_shaped = grey or (frame.ndim == 3 and frame.shape[2] == 3)
+    if frame.dtype != np.uint8 or not is_shaped or not frame.size:
         raise ValueError(
-            f"{name} must be uint8 of shape (height, width) or (height, width, 3); "
-            f"got {frame.dtype} of shape {frame.shape}"
+            f"{name} must be uint8 of shape (height, width) or (height, width, 3), not "
+            f"empty; got {frame.dtype} of shape {frame.shape}"
         )
     return np.repeat(frame[..., None], 3, axis=2) if grey else frame
 

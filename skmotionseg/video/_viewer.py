@@ -62,7 +62,7 @@ def write_viewer(
     masks : iterable of ndarray of uint8, shape (height, width), optional
         A label per pixel for each frame, as from :func:`dense_masks`.
     probabilities : array-like of shape (n_tracks,), optional
-        Of the labels.
+        Of the labels; NaN where none is known.
     progress : callable, optional
         Called after each frame with the number done and the number there will be.
 
@@ -74,8 +74,8 @@ def write_viewer(
     ------
     FileNotFoundError, TypeError, ValueError
         If the source is not as described or has fewer frames than the tracks, these
-        have none, there is not one label, or one probability, per track, a mask is
-        missing, or ``out`` has another ending or no folder.
+        have none, there is not one label, or one probability from 0 to 1, per track, a
+        mask is missing, or ``out`` has another ending or no folder.
     ImportError
         If opencv-python-headless is missing.
 
@@ -95,11 +95,7 @@ def write_viewer(
     points, visibility = unpack_tracks(X)
     check_frames(X, points)
     labels = check_label_each(labels, len(points))
-    sure = None if probabilities is None else np.asarray(probabilities, dtype=float)
-    if sure is not None and sure.shape != labels.shape:
-        raise ValueError(
-            f"{len(labels)} tracks need one probability each; got shape {sure.shape}"
-        )
+    sure = None if probabilities is None else _shares(probabilities, len(labels))
     out = Path(out)
     check_output(out, (".html",))
     frames = open_frames(source)
@@ -107,7 +103,7 @@ def write_viewer(
     read = first_frames(frames, n_frames, make_reporter(progress, n_frames))
     pairs = ((f, None) for f in read) if masks is None else with_masks(read, masks)
     images, layers, scale = _encode(pairs)
-    motions = sorted({*labels.tolist(), 0})
+    motions = sorted({*labels.tolist(), *images["labels"], 0})
     data: dict[str, Any] = {
         "images": images["urls"],
         "masks": layers,
@@ -122,10 +118,24 @@ def write_viewer(
     _write_page(out, data)
 
 
+def _shares(probabilities, n_tracks):
+    """Probabilities, checked to be such or unknown."""
+    sure = np.asarray(probabilities, dtype=float)
+    if sure.shape != (n_tracks,):
+        raise ValueError(
+            f"{n_tracks} tracks need one probability each; got shape {sure.shape}"
+        )
+    wrong = sure[~np.isnan(sure) & ~((sure >= 0) & (sure <= 1))]
+    if len(wrong):
+        raise ValueError(f"probabilities must be from 0 to 1; got {wrong[0]}")
+    return sure
+
+
 def _encode(pairs):
     """Data URLs of pictures and of masks, whose red value is the label."""
     cv2 = require("cv2", extra="video")
     urls, layers, scale, size = [], [], 1.0, (0, 0)
+    labels: set[int] = set()
     for frame, mask in pairs:
         scale = min(1.0, VIEW_SIDE / max(frame.shape[:2]))
         size = tuple(max(1, round(side * scale)) for side in frame.shape[1::-1])
@@ -134,8 +144,10 @@ def _encode(pairs):
         urls.append(_data_url("jpeg", content.tobytes()))
         if mask is not None:
             mask = cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
+            labels.update(np.unique(mask).tolist())
             layers.append(_data_url("png", encode_grey(mask)))
-    return {"urls": urls, "width": size[0], "height": size[1]}, layers, scale
+    images = {"urls": urls, "width": size[0], "height": size[1], "labels": labels}
+    return images, layers, scale
 
 
 def _data_url(kind, content):

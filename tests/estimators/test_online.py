@@ -12,9 +12,15 @@ from numpy.testing import assert_array_equal
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
-from skmotionseg import MotionSegmenter, OnlineMotionSegmenter, pack_tracks
+from skmotionseg import (
+    MotionSegmenter,
+    OnlineMotionSegmenter,
+    pack_tracks,
+    unpack_tracks,
+)
 from skmotionseg._core.partition.scene import background_motion
 from skmotionseg._segmenter.reasons import stream_reasons
+from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 from skmotionseg.online import _with_first, _with_living
 
@@ -397,3 +403,18 @@ def test_points_may_be_a_data_frame():
     points.loc[0, "x"] = pandas.NA
     with pytest.raises(ValueError, match="for track 7"):
         segmenter.update(points, [7, 9])
+
+
+def test_numbers_of_labels_are_of_motions_in_view():
+    """Also while tracks that were seen before are back, and their motion is not yet."""
+    X, y = make_rigid_motions(90, 70, 2, missing=0, random_state=4)
+    points, _ = unpack_tracks(X)
+    segmenter, back = OnlineMotionSegmenter(random_state=0), set()
+    for frame in range(55):
+        ids = np.flatnonzero((y != 1) | (frame < 25) | (frame >= 50))
+        labels = segmenter.update(points[ids, frame], ids)
+        assert set(labels[labels >= 0]) <= set(segmenter.motions_)
+        assert segmenter.n_motions_ == len(segmenter.motions_)
+        if frame >= 50:
+            back |= set(labels[labels > 0])
+    assert back

@@ -28,7 +28,7 @@ from skmotionseg.preprocessing import select_long_tracks
 from skmotionseg.video import find_objects, track_video
 from skmotionseg.video._tracking import MAX_ERROR, MIN_TEXTURE
 
-pytest.importorskip("cv2", reason="needs opencv-python-headless")
+cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 pytestmark = pytest.mark.xdist_group("long video")  # tracked once for all
 
 WIDTH, HEIGHT, N_FRAMES, GRID = 128, 96, 106, 12
@@ -138,6 +138,25 @@ def test_folder_of_something_else_is_refused(tmp_path):
     StoredTracks(tmp_path / "run", {"grid": 8})
     with pytest.raises(ValueError, match="its grid is 8, and this one's 5"):
         StoredTracks(tmp_path / "run", {"grid": 5})
+
+
+DAMAGED = {
+    "settings that are none": ("run.json", b'{"settings": 3}'),
+    "a list": ("run.json", b"[]"),
+    "half of the notes": ("run.json", b"{"),
+    "half of the tracks": ("tracks-000000000.npz", b"PK" + bytes(90)),
+    "no tracks": ("tracks-000000000.npz", b""),
+}
+
+
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_damaged_file_is_named(frames, tmp_path, case):
+    name, content = DAMAGED[case]
+    stored_in(tmp_path, frames[:6])
+    (tmp_path / name).write_bytes(content)
+    words = f"{name} is damaged: remove .* to begin anew"
+    with pytest.raises(ValueError, match=words):
+        StoredTracks(tmp_path, {"file": "arrays"})
 
 
 # ------------------------------------------------------------------------- the objects
@@ -254,6 +273,27 @@ def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatc
         ]
         assert [len(files) for files in written[name]] == [60, 60]
     assert written["whole"] == written["blocks"]
+
+
+def test_another_video_in_the_same_place_is_refused(frames, tmp_path, capsys):
+    film = tmp_path / "film"
+    film.mkdir()
+    for shown, code in ((frames[:12], 0), (frames[40:52], 2)):
+        for number, frame in enumerate(shown):
+            cv2.imwrite(str(film / f"{number}.png"), frame)
+        assert main(segment(film, "--resume", tmp_path / "run")) == code
+    assert "its content is" in capsys.readouterr().err
+
+
+def test_a_byte_makes_another_video(tmp_path):
+    path, content = tmp_path / "film.avi", bytearray(10**6)
+    digests = set()
+    for _ in range(3):
+        path.write_bytes(content)
+        digests.add(video_tracks._content([path]))
+        content[len(digests) * 234567] = 1
+    assert len(digests) == 3
+    assert video_tracks._content([path]) == video_tracks._content([path])
 
 
 def test_track_files_are_not_resumed(tmp_path, capsys):

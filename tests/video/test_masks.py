@@ -11,6 +11,7 @@ import weakref
 import numpy as np
 import pytest
 from helpers.progress_lines import without_progress
+from numpy.testing import assert_array_equal
 from scipy.ndimage import gaussian_filter
 
 from skmotionseg import pack_tracks
@@ -106,6 +107,17 @@ def test_masks_of_shrunk_frames_have_the_size_of_the_frames(frames, tracked):
         assert region_similarity(inside(frame), mask == 1) > 0.75
 
 
+def test_an_array_may_be_filled_with_each_frame(frames, tracked):
+    def shown():
+        array = np.empty_like(frames[0])
+        for frame in frames:
+            array[:] = frame
+            yield array
+
+    masks = list(dense_masks(shown(), *tracked))
+    assert_array_equal(masks, list(dense_masks(frames, *tracked)))
+
+
 def test_masks_have_the_labels_that_tracks_have(frames, tracked):
     X, labels = tracked
     plain = list(dense_masks(frames, X, labels))
@@ -159,11 +171,13 @@ def test_no_more_than_three_frames_are_held_for_masks(frames, tracked):
         __hash__ = object.__hash__
         __eq__ = object.__eq__
 
+        def __array_finalize__(self, other):  # of copies, too
+            alive.add(self)
+
     def count_frames():
         nonlocal most
         for picture in frames:
             frame = picture.copy().view(Frame)
-            alive.add(frame)
             most = max(most, len(alive))
             yield frame
             del frame

@@ -437,6 +437,7 @@ def bad_sources(tmp_path, frames):
         ),
         "two frames or more; the arrays has 0": [],
         "frame 0 of the arrays must be uint8": [np.zeros((20, 20))],
+        "not empty; got uint8 of shape": [np.zeros((0, 20), np.uint8)],
         "16 pixels a side or more .* got 20 x 8": [np.zeros((8, 20), np.uint8)] * 2,
         "expected the path of a video .* got int": 7,
     }

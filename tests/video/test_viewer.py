@@ -84,6 +84,13 @@ def test_a_page_needs_nothing_else(page):
     assert data["tracks"][2]["places"][3] == [33.5, 30.5]
 
 
+def test_motions_of_masks_can_be_switched_on(tmp_path):
+    masks = np.full((2, 20, 20), 9, dtype=np.uint8)
+    out = tmp_path / "page.html"
+    write_viewer(np.zeros_like(masks), np.ones((1, 4)), [0], out, masks=masks)
+    assert data_of(out)["motions"] == [0, 9]
+
+
 def test_a_page_of_many_tracks_draws_some_of_each_motion(tmp_path):
     X = np.random.default_rng(0).uniform(0, 60, (5000, 4))
     labels = np.repeat([0, 1, -1], [4900, 60, 40])
@@ -100,6 +107,8 @@ def test_a_page_of_many_tracks_draws_some_of_each_motion(tmp_path):
         ({"labels": [0]}, "3 tracks need one label each"),
         ({"X": np.empty((3, 0))}, r"one frame or more; got an array of shape \(3, 0\)"),
         ({"probabilities": [0.5]}, "3 tracks need one probability each"),
+        ({"probabilities": [0.5, np.nan, 7]}, "from 0 to 1; got 7.0"),
+        ({"probabilities": [0.5, -np.inf, 1]}, "from 0 to 1; got -inf"),
         ({"out": "page.htm"}, "end in .html"),
         ({"masks": []}, "frame 0 needs a mask"),
     ],
