@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import pkgutil
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -230,6 +232,98 @@ def test_a_signal_ends_it_as_ctrl_c_does():
     with pytest.raises(KeyboardInterrupt), live._ended_as_by_ctrl_c():
         os.kill(os.getpid(), signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def signalling(monkeypatch, target, number, at):
+    """Have a signal sent in the midst of some call of a function."""
+    module, _, name = target.rpartition(".")
+    owner = pkgutil.resolve_name(module)
+    original, calls = getattr(owner, name), []
+
+    def call(*arguments, **options):
+        calls.append(name)
+        if len(calls) == at:
+            signal.raise_signal(number)
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, call)
+
+
+def n_frames_of(picture, table):
+    """Frames of the video and of the table."""
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    capture = cv2.VideoCapture(str(picture))
+    return capture.get(cv2.CAP_PROP_FRAME_COUNT), len(set(rows[:, 1]))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("target", "n_frames"),
+    [
+        ("skmotionseg.video._rendering._Pen.draw", 6),
+        ("skmotionseg.video._rendering._padded_to_even", 6),  # before it is encoded
+        ("skmotionseg.online.OnlineMotionSegmenter.update", 6),
+        ("skmotionseg._commands.live.write_frame", 6),
+        ("skmotionseg.video._tracking.PointTracker.step", 5),  # with a next frame
+    ],
+)
+def test_whenever_a_signal_comes_the_files_are_completed(
+    number, target, n_frames, file, tmp_path, capsys, monkeypatch
+):
+    signalling(monkeypatch, target, number, at=6)
+    before = signal.getsignal(number)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert "stopped" in capsys.readouterr().out
+    assert n_frames_of(picture, table) == (n_frames, n_frames)
+    assert signal.getsignal(number) == before
+
+
+def test_a_signal_while_the_video_is_completed_changes_nothing(
+    file, tmp_path, monkeypatch
+):
+    signalling(monkeypatch, "skmotionseg._utils.writing._store", signal.SIGINT, at=1)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert n_frames_of(picture, table) == (N_FRAMES, N_FRAMES)
+
+
+def test_a_second_signal_does_not_wait():
+    interrupts = live._Interrupts()
+    for _ in interrupts.let_through(range(3)):
+        interrupts.handle(signal.SIGINT, None)
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.handle(signal.SIGINT, None)
+        break
+
+
+def test_a_signal_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with live._ended_as_by_ctrl_c():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_it_runs_where_signals_cannot_be_handled(file):
+    arguments = ["segment", "--live", str(file), "--max-frames", "2", "--no-window"]
+    with ThreadPoolExecutor() as threads:
+        assert threads.submit(main, arguments).result() == 0
+
+
+def test_the_video_until_a_failure_of_the_source_is_completed(frames, tmp_path, capsys):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number, frame in enumerate([*frames[:10], frames[0][:-4]]):
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(folder), *options]) == 2
+    assert "frame 10 is 240 x 176" in capsys.readouterr().err
+    assert n_frames_of(picture, table) == (10, 10)
 
 
 @pytest.mark.parametrize(
