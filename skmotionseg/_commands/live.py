@@ -165,33 +165,37 @@ def _tracked(frames, arguments):
     """Frames with their points, as these come."""
     from ..video import follow_points
 
-    spacing = arguments.grid
-    if spacing is None:
-        frames, spacing = _with_spacing(frames)
+    frames, shape = _with_first_shape(frames)
     return follow_points(
         frames,
-        grid_spacing=spacing,
+        grid_spacing=arguments.grid or _spacing(*shape),
         max_frames=arguments.max_frames,
         max_side=arguments.max_side,
     )
 
 
 def _labelled(tracked, segmenter, files, arguments, console):
-    """Yield frames with their points and labels, until the end or Ctrl-C."""
-    table = None
+    """Yield frames with their points and labels, until the end or Ctrl-C.
+
+    At least one: a KeyboardInterrupt before it is raised.
+    """
+    table, n_done = None, 0
     try:
-        for number, each in enumerate(tracked):
-            if number == 0:
-                table = _begin_table(arguments.out, files)
+        for each in tracked:
             points, ids = each.points, each.ids
             labels = segmenter.update(points, ids)
             for event in segmenter.events_:
                 console.print(str(event), highlight=False)
+            if n_done == 0:
+                table = _begin_table(arguments.out, files)
             if table is not None:
-                write_frame(table, number, ids, points, labels)
+                write_frame(table, n_done, ids, points, labels)
                 table.flush()
             yield each.frame, points, labels
+            n_done += 1
     except KeyboardInterrupt:  # how one ends what a camera films
+        if n_done == 0:
+            raise
         console.print("stopped", highlight=False)
 
 
@@ -216,22 +220,26 @@ def _shown(labelled, window, console):
             return
 
 
-def _with_spacing(frames):
-    """The same frames, and the distance at which they have so many points."""
+def _with_first_shape(frames):
+    """The same frames, and the height and width of the first: there must be one."""
     from ..video._frames import Frames
 
     iterator = iter(frames)
     first = next(iterator, None)
     if first is None:
         raise ValueError(f"{frames.name} has no frames")
-    spacing = max(8, round(np.sqrt(first.shape[0] * first.shape[1] / N_POINTS)))
 
     def again():
         yield first
         yield from iterator
 
     whole = Frames(frames.name, again, fps=frames.fps, n_announced=frames.n_announced)
-    return whole, spacing
+    return whole, first.shape[:2]
+
+
+def _spacing(height, width):
+    """The distance at which a frame has as many points as it should."""
+    return max(8, round(np.sqrt(height * width / N_POINTS)))
 
 
 def _print(console, arguments, segmenter, seconds):

@@ -15,6 +15,8 @@ from skmotionseg import unpack_tracks
 from skmotionseg._commands import live
 from skmotionseg.cli import main
 from skmotionseg.video import follow_points, track_video
+from skmotionseg.video._frames import Frames
+from skmotionseg.video._rendering import write_points
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 
@@ -324,6 +326,56 @@ def test_the_video_until_a_failure_of_the_source_is_completed(frames, tmp_path, 
     assert main(["segment", "--live", str(folder), *options]) == 2
     assert "frame 10 is 240 x 176" in capsys.readouterr().err
     assert n_frames_of(picture, table) == (10, 10)
+
+
+def camera_of(monkeypatch, make_iterator):
+    """Have camera 0 deliver these frames."""
+    frames = Frames("camera 0", make_iterator)
+    monkeypatch.setattr("skmotionseg.video._frames._open_camera", lambda _: frames)
+
+
+def interrupted_before_the_first_frame():
+    signal.raise_signal(signal.SIGINT)
+    yield np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+
+
+@pytest.mark.parametrize("options", [[], ["--grid", "30"]])
+@pytest.mark.parametrize("written", [(), ("--render", "live.mp4", "--out", "live.csv")])
+@pytest.mark.parametrize(
+    ("make_iterator", "code", "words"),
+    [
+        (lambda: iter(()), 2, "camera 0 has no frames"),
+        (interrupted_before_the_first_frame, 130, "interrupted"),
+    ],
+)
+def test_without_a_frame_nothing_is_written(
+    make_iterator, code, words, written, options, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    camera_of(monkeypatch, make_iterator)
+    assert main(["segment", "--live", "0", *options, *written]) == code
+    assert capsys.readouterr().err == f"skmotionseg: {words}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_in_the_midst_of_the_first_frame_there_is_none(
+    file, tmp_path, capsys, monkeypatch
+):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    target = "skmotionseg.online.OnlineMotionSegmenter.update"
+    monkeypatch.setattr(target, interrupted)
+    monkeypatch.chdir(tmp_path)
+    options = ["--render", "live.mp4", "--out", "live.csv"]
+    assert main(["segment", "--live", str(file), *options]) == 130
+    assert capsys.readouterr().err == "skmotionseg: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_of_no_frame_is_not_written(tmp_path):
+    write_points(iter(()), tmp_path / "live.mp4", fps=25)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
