@@ -30,6 +30,8 @@ WHOLE = (
     "confidence",
     "resume",
 )
+# What ends it: Ctrl-C, and what machines send.
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 # Options of a segmenter of clips that the one of streams does not have.
 OF_CLIPS = ("min_motions", "max_motions", "models", "selection", "jobs")
 
@@ -57,11 +59,12 @@ def segment_live(arguments):
     started = time.perf_counter()
     with ExitStack() as files:
         window = None
-        files.enter_context(_ended_as_by_ctrl_c())
+        interrupts = files.enter_context(_ended_as_by_ctrl_c())
         if not arguments.no_window:
             window = _window(str(arguments.file), console)
             files.callback(window.close)
-        labelled = _labelled(frames, segmenter, files, arguments, console)
+        tracked = interrupts.let_through(_tracked(frames, arguments))
+        labelled = _labelled(tracked, segmenter, files, arguments, console)
         if window is not None:
             labelled = _shown(labelled, window, console)
         if arguments.render is None:
@@ -95,17 +98,54 @@ def _source(file):
     return int(text) if text.isdecimal() and not Path(file).exists() else file
 
 
+class _Interrupts:
+    """What ends the stream: at once while a frame is waited for, or after the frame.
+
+    In the midst of a frame, or when files are completed, a KeyboardInterrupt would
+    leave half of them. So the first is held back there; if another one comes, somebody
+    does not want to wait.
+    """
+
+    def __init__(self):
+        self._hold = self._held = False
+
+    def handle(self, number, frame):
+        """Take a signal."""
+        if not self._hold or self._held:
+            raise KeyboardInterrupt
+        self._held = True
+
+    def let_through(self, frames):
+        """Yield frames; KeyboardInterrupt comes while one is waited for."""
+        iterator = iter(frames)
+        while True:
+            try:
+                self._hold = False
+                if self._held:
+                    raise KeyboardInterrupt
+                each = next(iterator, None)
+            finally:
+                self._hold = True
+            if each is None:
+                return
+            yield each
+
+
 @contextmanager
 def _ended_as_by_ctrl_c():
     """Let what ends a process do as Ctrl-C does, which completes the files."""
+    interrupts = _Interrupts()
     if threading.current_thread() is not threading.main_thread():
-        yield  # where signals cannot be handled
+        yield interrupts  # where signals cannot be handled
         return
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    # Shells let what runs in the background ignore Ctrl-C: it is not for that.
+    heeded = [n for n in SIGNALS if signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, interrupts.handle) for number in heeded}
     try:
-        yield
+        yield interrupts
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _begin_table(path, files):
@@ -121,33 +161,41 @@ def _begin_table(path, files):
     return table
 
 
-def _labelled(frames, segmenter, files, arguments, console):
-    """Yield frames with their points and labels, until the end or Ctrl-C."""
+def _tracked(frames, arguments):
+    """Frames with their points, as these come."""
     from ..video import follow_points
 
-    spacing = arguments.grid
-    if spacing is None:
-        frames, spacing = _with_spacing(frames)
-    tracked = follow_points(
+    frames, shape = _with_first_shape(frames)
+    return follow_points(
         frames,
-        grid_spacing=spacing,
+        grid_spacing=arguments.grid or _spacing(*shape),
         max_frames=arguments.max_frames,
         max_side=arguments.max_side,
     )
-    table = None
+
+
+def _labelled(tracked, segmenter, files, arguments, console):
+    """Yield frames with their points and labels, until the end or Ctrl-C.
+
+    At least one: a KeyboardInterrupt before it is raised.
+    """
+    table, n_done = None, 0
     try:
-        for number, each in enumerate(tracked):
-            if number == 0:
-                table = _begin_table(arguments.out, files)
+        for each in tracked:
             points, ids = each.points, each.ids
             labels = segmenter.update(points, ids)
             for event in segmenter.events_:
                 console.print(str(event), highlight=False)
+            if n_done == 0:
+                table = _begin_table(arguments.out, files)
             if table is not None:
-                write_frame(table, number, ids, points, labels)
+                write_frame(table, n_done, ids, points, labels)
                 table.flush()
             yield each.frame, points, labels
+            n_done += 1
     except KeyboardInterrupt:  # how one ends what a camera films
+        if n_done == 0:
+            raise
         console.print("stopped", highlight=False)
 
 
@@ -172,22 +220,26 @@ def _shown(labelled, window, console):
             return
 
 
-def _with_spacing(frames):
-    """The same frames, and the distance at which they have so many points."""
+def _with_first_shape(frames):
+    """The same frames, and the height and width of the first: there must be one."""
     from ..video._frames import Frames
 
     iterator = iter(frames)
     first = next(iterator, None)
     if first is None:
         raise ValueError(f"{frames.name} has no frames")
-    spacing = max(8, round(np.sqrt(first.shape[0] * first.shape[1] / N_POINTS)))
 
     def again():
         yield first
         yield from iterator
 
     whole = Frames(frames.name, again, fps=frames.fps, n_announced=frames.n_announced)
-    return whole, spacing
+    return whole, first.shape[:2]
+
+
+def _spacing(height, width):
+    """The distance at which a frame has as many points as it should."""
+    return max(8, round(np.sqrt(height * width / N_POINTS)))
 
 
 def _print(console, arguments, segmenter, seconds):

@@ -178,6 +178,9 @@ class _Pen:
 def write_points(labelled, path, fps):
     """Write a video of frames with their points, as these come.
 
+    If they fail after some frames, the video of these is there before that is raised.
+    Of no frame, nothing is written.
+
     Parameters
     ----------
     labelled : iterable of (frame, points, labels)
@@ -186,8 +189,24 @@ def write_points(labelled, path, fps):
         Ending in ``.mp4``.
     fps : float
     """
+    pictures = (with_points(*each) for each in labelled)
+    first = next(pictures, None)
+    if first is None:
+        return
+    failures: list[BaseException] = []
     with replacing_path(path) as part:
-        _write_video((with_points(*each) for each in labelled), part, fps)
+        _write_video(_until_failure(first, pictures, failures), part, fps)
+    for failure in failures:
+        raise failure
+
+
+def _until_failure(first, others, failures):
+    """Yield pictures; what fails after the first is appended to a list instead."""
+    yield first
+    try:
+        yield from others
+    except (Exception, KeyboardInterrupt) as failure:
+        failures.append(failure)
 
 
 def with_points(frame, points, labels):

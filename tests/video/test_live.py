@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import pkgutil
 import signal
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ from skmotionseg import unpack_tracks
 from skmotionseg._commands import live
 from skmotionseg.cli import main
 from skmotionseg.video import follow_points, track_video
+from skmotionseg.video._frames import Frames
+from skmotionseg.video._rendering import write_points
 
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 
@@ -230,6 +234,148 @@ def test_a_signal_ends_it_as_ctrl_c_does():
     with pytest.raises(KeyboardInterrupt), live._ended_as_by_ctrl_c():
         os.kill(os.getpid(), signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) == before
+
+
+def signalling(monkeypatch, target, number, at):
+    """Have a signal sent in the midst of some call of a function."""
+    module, _, name = target.rpartition(".")
+    owner = pkgutil.resolve_name(module)
+    original, calls = getattr(owner, name), []
+
+    def call(*arguments, **options):
+        calls.append(name)
+        if len(calls) == at:
+            signal.raise_signal(number)
+        return original(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, call)
+
+
+def n_frames_of(picture, table):
+    """Frames of the video and of the table."""
+    rows = np.loadtxt(table, delimiter=",", skiprows=1)
+    capture = cv2.VideoCapture(str(picture))
+    return capture.get(cv2.CAP_PROP_FRAME_COUNT), len(set(rows[:, 1]))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("target", "n_frames"),
+    [
+        ("skmotionseg.video._rendering._Pen.draw", 6),
+        ("skmotionseg.video._rendering._padded_to_even", 6),  # before it is encoded
+        ("skmotionseg.online.OnlineMotionSegmenter.update", 6),
+        ("skmotionseg._commands.live.write_frame", 6),
+        ("skmotionseg.video._tracking.PointTracker.step", 5),  # with a next frame
+    ],
+)
+def test_whenever_a_signal_comes_the_files_are_completed(
+    number, target, n_frames, file, tmp_path, capsys, monkeypatch
+):
+    signalling(monkeypatch, target, number, at=6)
+    before = signal.getsignal(number)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert "stopped" in capsys.readouterr().out
+    assert n_frames_of(picture, table) == (n_frames, n_frames)
+    assert signal.getsignal(number) == before
+
+
+def test_a_signal_while_the_video_is_completed_changes_nothing(
+    file, tmp_path, monkeypatch
+):
+    signalling(monkeypatch, "skmotionseg._utils.writing._store", signal.SIGINT, at=1)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(file), *options]) == 0
+    assert n_frames_of(picture, table) == (N_FRAMES, N_FRAMES)
+
+
+def test_a_second_signal_does_not_wait():
+    interrupts = live._Interrupts()
+    for _ in interrupts.let_through(range(3)):
+        interrupts.handle(signal.SIGINT, None)
+        with pytest.raises(KeyboardInterrupt):
+            interrupts.handle(signal.SIGINT, None)
+        break
+
+
+def test_a_signal_that_is_ignored_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with live._ended_as_by_ctrl_c():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_it_runs_where_signals_cannot_be_handled(file):
+    arguments = ["segment", "--live", str(file), "--max-frames", "2", "--no-window"]
+    with ThreadPoolExecutor() as threads:
+        assert threads.submit(main, arguments).result() == 0
+
+
+def test_the_video_until_a_failure_of_the_source_is_completed(frames, tmp_path, capsys):
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    for number, frame in enumerate([*frames[:10], frames[0][:-4]]):
+        cv2.imwrite(str(folder / f"{number}.png"), frame)
+    picture, table = tmp_path / "live.mp4", tmp_path / "live.csv"
+    options = ["--grid", "30", "--render", str(picture), "--out", str(table)]
+    assert main(["segment", "--live", str(folder), *options]) == 2
+    assert "frame 10 is 240 x 176" in capsys.readouterr().err
+    assert n_frames_of(picture, table) == (10, 10)
+
+
+def camera_of(monkeypatch, make_iterator):
+    """Have camera 0 deliver these frames."""
+    frames = Frames("camera 0", make_iterator)
+    monkeypatch.setattr("skmotionseg.video._frames._open_camera", lambda _: frames)
+
+
+def interrupted_before_the_first_frame():
+    signal.raise_signal(signal.SIGINT)
+    yield np.zeros((HEIGHT, WIDTH, 3), np.uint8)
+
+
+@pytest.mark.parametrize("options", [[], ["--grid", "30"]])
+@pytest.mark.parametrize("written", [(), ("--render", "live.mp4", "--out", "live.csv")])
+@pytest.mark.parametrize(
+    ("make_iterator", "code", "words"),
+    [
+        (lambda: iter(()), 2, "camera 0 has no frames"),
+        (interrupted_before_the_first_frame, 130, "interrupted"),
+    ],
+)
+def test_without_a_frame_nothing_is_written(
+    make_iterator, code, words, written, options, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    camera_of(monkeypatch, make_iterator)
+    assert main(["segment", "--live", "0", *options, *written]) == code
+    assert capsys.readouterr().err == f"skmotionseg: {words}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_in_the_midst_of_the_first_frame_there_is_none(
+    file, tmp_path, capsys, monkeypatch
+):
+    def interrupted(*arguments):
+        raise KeyboardInterrupt
+
+    target = "skmotionseg.online.OnlineMotionSegmenter.update"
+    monkeypatch.setattr(target, interrupted)
+    monkeypatch.chdir(tmp_path)
+    options = ["--render", "live.mp4", "--out", "live.csv"]
+    assert main(["segment", "--live", str(file), *options]) == 130
+    assert capsys.readouterr().err == "skmotionseg: interrupted\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_video_of_no_frame_is_not_written(tmp_path):
+    write_points(iter(()), tmp_path / "live.mp4", fps=25)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
