@@ -254,6 +254,11 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         )
         if reset:
             self.n_hypotheses_ = self._group_size(sent, X.shape[1])
+        elif sent not in (None, self.n_hypotheses_):
+            raise ValueError(
+                f"the kernel was fitted to {self.n_hypotheses_} hypotheses per frame "
+                f"pair; got residuals of {sent}"
+            )
         blocks = blocks_of_matrix(X, self.n_hypotheses_)
         return Preferences.from_blocks(len(X), blocks, self._n_top)
 

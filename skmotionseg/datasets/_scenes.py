@@ -319,7 +319,8 @@ def _merit(thing, probe, things, probes, camera, settings):
         if len(points):
             mine = misfits(points, seen, [thing.motion], camera, 2)[0]
             apart = min(apart, np.quantile(mine, 0.05))
-    return 0.1 + 0.9 * min(apart / (APART * noise), 1)
+    enough = APART * noise
+    return 1.0 if apart >= enough else 0.1 + 0.9 * apart / enough
 
 
 def _track(thing, n_tracks, occluders, camera, settings, chosen, rng):

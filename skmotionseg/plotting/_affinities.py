@@ -16,6 +16,7 @@ from .._utils.colours import AFFINITY_MAP, OUTLINE_COLOUR
 from .._utils.optional import require
 from .._utils.validation import check_label_each
 from .._utils.words import counted
+from ..pipelines import ModelUnion
 from ._drawing import (
     check_names,
     count_motions,
@@ -275,13 +276,23 @@ class AffinityDisplay:
         if not np.isfinite(views).all() or views.min() < 0:
             raise ValueError("affinities must be finite and not negative")
         n = views.shape[1]
-        partitions = [check_label_each(p, n, "a partition") for p in self.partitions]
+        partitions = [_in_turn(p, n, "a partition") for p in self.partitions]
         if self.labels is None and not partitions:
             raise ValueError("there must be labels or a partition to sort by; got none")
-        labels = partitions[0] if self.labels is None else self.labels
+        given = self.labels is not None
+        labels = _in_turn(self.labels, n, "labels") if given else partitions[0]
         default = [f"view {v}" for v in range(len(views))]
         names = check_names(self.view_names, len(views), "views", default)
-        return views, partitions, check_label_each(labels, n), names
+        return views, partitions, labels, names
+
+
+def _in_turn(labels, n_rows, name):
+    """Labels, checked, as ``0..M - 1`` in their order; -1 where they are negative."""
+    labels = check_label_each(labels, n_rows, name)
+    inside = labels >= 0
+    found = np.full(n_rows, -1)
+    found[inside] = np.unique(labels[inside], return_inverse=True)[1]
+    return found
 
 
 def _order(labels, partitions):
@@ -391,9 +402,5 @@ def _views_and_names(estimator, X):
 
 def _names_of_union(union):
     """Names of the models that take part."""
-    models = getattr(union, "models", None)
-    return [
-        name
-        for name, view in union.transformer_list
-        if view != "drop" and (models is None or name in models)
-    ]
+    chosen = union._chosen() if isinstance(union, ModelUnion) else union
+    return [name for name, view in chosen.transformer_list if view != "drop"]

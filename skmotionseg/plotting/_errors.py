@@ -284,8 +284,15 @@ def _check_lengths(X, y):
 def _segment(estimator, tracks, seed):
     estimator = clone(estimator)
     if seed is not None:
-        estimator.set_params(random_state=seed)
+        estimator.set_params(**dict.fromkeys(_names_of_seeds(estimator), seed))
     return estimator.fit_predict(tracks)
+
+
+def _names_of_seeds(estimator):
+    """The parameter that holds the seed; those of its steps, if it has none itself."""
+    names = estimator.get_params()
+    inner = [name for name in names if name.endswith("__random_state")]
+    return ["random_state"] if "random_state" in names else inner
 
 
 def _table_of_records(records, dataset, methods, value):

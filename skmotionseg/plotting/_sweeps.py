@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Self
 
@@ -443,17 +444,19 @@ class GridDisplay:
             If it is not said which two parameters to draw, or a score is not what
             ``negated`` says.
         """
-        settings = cv_results["params"]
         scores = np.asarray(cv_results["mean_test_score"], dtype=float)
         errors = -scores if negated else 1 - scores
-        if not np.isfinite(errors).any():
-            raise ValueError("no setting has a score; see what its fits raised")
+        _check_some_score(errors)
         if np.nanmin(errors) < 0 or np.nanmax(errors) > 1:
             raise ValueError(
                 f"scores must be in {'-1 to 0' if negated else '0 to 1'} for "
                 f"negated={negated}; got {np.nanmin(scores):g} to {np.nanmax(scores):g}"
             )
-        x, y = _check_axes_of_grid(settings, x, y)
+        x, y = _check_axes_of_grid(cv_results["params"], x, y)
+        # Of a list of grids, some may not have both.
+        drawn = [x in setting and y in setting for setting in cv_results["params"]]
+        settings, errors = [*compress(cv_results["params"], drawn)], errors[drawn]
+        _check_some_score(errors)
         best = settings[int(np.nanargmin(errors))]
         others = [name for name in best if name not in (x, y)]
         x_values, y_values = _values_of(settings, x), _values_of(settings, y)
@@ -519,6 +522,11 @@ class GridDisplay:
             self.colorbar_.set_label("error (%)")
             self.colorbar_.ax.locator_params(nbins=4)
         return self
+
+
+def _check_some_score(errors):
+    if not np.isfinite(errors).any():
+        raise ValueError("no setting has a score; see what its fits raised")
 
 
 def _check_axes_of_grid(settings, x, y):

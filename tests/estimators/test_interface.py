@@ -587,6 +587,36 @@ def test_a_fusion_may_be_a_function(tracks):
     assert_array_equal(pipeline.predict(X) >= 0, own.labels_ >= 0)
 
 
+def test_a_fusion_may_work_in_place(tracks):
+    def in_place(views, n_clusters):
+        views **= 2
+        return mean_of_views(views, n_clusters)
+
+    def on_a_copy(views, n_clusters):
+        return in_place(views.copy(), n_clusters)
+
+    fitted = [
+        make_motion_pipeline(fusion=f, max_clusters=4, **SMALL).fit(tracks[0])
+        for f in (in_place, on_a_copy)
+    ]
+    one, other = (each["cluster"].candidate_labels_ for each in fitted)
+    assert_array_equal(one, other)
+
+
+def test_residuals_of_another_number_are_refused_after_fit_too():
+    """They would be split otherwise where there are as many columns."""
+    fitted, other = (
+        HypothesisSampler(n_hypotheses=n, random_state=0).fit_transform(
+            make_rigid_motions(60, n_frames, 2, random_state=0)[0]
+        )
+        for n, n_frames in ((60, 4), (30, 7))
+    )
+    kernel = ORKKernel().fit(fitted)
+    assert other.shape == fitted.shape
+    with pytest.raises(ValueError, match=r"fitted to 60 .* residuals of 30"):
+        kernel.transform(other)
+
+
 def test_a_fusion_of_another_shape_is_refused():
     clustering = MultiModelSpectralClustering(fusion=lambda views, n: views[:, :, :1])
     with pytest.raises(ValueError, match=r"a fusion must give .*\(1, 4, 2\); got"):

@@ -20,6 +20,7 @@ from sklearn.model_selection import GridSearchCV, KFold
 from sklearn.preprocessing import FunctionTransformer
 
 from skmotionseg import (
+    MotionModel,
     MotionSegmenter,
     MultiModelSpectralClustering,
     NCREModelSelector,
@@ -250,6 +251,35 @@ def test_affinities_of_landmarks_are_drawn_alone(small):
     display = AffinityDisplay.from_estimator(segmenter.fit(X), X)
     assert display.images_[0, 0].get_array().shape == (30, 30)
     assert_array_equal(display.labels, segmenter.labels_[segmenter.landmarks_])
+
+
+def test_steps_of_a_pipeline_are_seeded(small):
+    X, y, _ = small
+    pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=50)
+    one, again = (
+        SequenceErrorDisplay.from_estimator(pipeline, [X], [y], seeds=[0, 1])
+        for _ in range(2)
+    )
+    assert np.shape(one.errors) == (1, 1, 2)
+    assert_array_equal(one.errors, again.errors)
+
+
+def test_labels_of_any_integers_are_outlined():
+    B = np.kron(np.eye(2), np.ones((3, 3)))
+    labels = np.repeat(np.array([3, 255], dtype=np.uint8), 3)
+    display = AffinityDisplay.from_predictions([B], [labels])
+    plain = AffinityDisplay.from_predictions([B], [np.repeat([0, 1], 3)])
+    assert len(display.outlines_) == len(plain.outlines_)
+
+
+def test_models_of_a_union_may_be_objects(small):
+    X, *_ = small
+    affine = MotionModel.built_in("affine")
+    pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=50, random_state=0)
+    for models in (affine, (affine,)):
+        pipeline.set_params(affinity__models=models).fit(X)
+        display = AffinityDisplay.from_estimator(pipeline, X)
+        assert [ax.get_title() for ax in display.axes_[:, 0]] == ["affine"]
 
 
 def test_a_dropped_model_has_no_matrix(small):
@@ -546,6 +576,13 @@ def test_views_that_are_left_alone_err_as_they_do_by_themselves():
     errors = [0, misclassification_error(Y, other)]
     assert_allclose(np.ravel(display.view_errors), errors)
     assert errors[1] > 0.2
+
+
+def test_settings_without_a_parameter_that_is_drawn_are_left_out():
+    settings = [{"a": 3, "b": 1}, {"a": 4, "b": 1}, {"a": 3, "c": 7}, {"a": 4, "b": 2}]
+    results = {"params": settings, "mean_test_score": [0.6, 0.7, 1.0, 0.8]}
+    display = GridDisplay.from_cv_results(results, x="a", y="b")
+    assert_allclose(display.errors, [[0.4, 0.3], [np.nan, 0.2]])
 
 
 def test_other_parameters_are_held_at_the_best_setting():

@@ -98,6 +98,11 @@ def test_families_by_number_of_frames():
     assert scene_families(n_frames=150) == ("long",)
 
 
+def test_scenes_may_have_no_noise():
+    scene = make_scene("street", random_state=0, noise=0, n_tracks=60)
+    assert scene.n_motions > 1 and np.isfinite(scene.separation)
+
+
 @pytest.mark.parametrize(
     "family, overrides, words",
     [

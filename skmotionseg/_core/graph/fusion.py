@@ -213,8 +213,9 @@ def bind_fusion(fusion, *, lam, gamma, max_iter, tol):
 
 
 def _fuse_by(function, graph, n_clusters):
-    """What a user's function gives, checked."""
-    embeddings = np.asarray(function(graph.normalized, n_clusters), dtype=float)
+    """What a user's function gives, checked; it may work in place."""
+    given = graph.normalized.copy()
+    embeddings = np.asarray(function(given, n_clusters), dtype=float)
     expected = (*graph.normalized.shape[:2], n_clusters)
     if embeddings.shape != expected or not np.isfinite(embeddings).all():
         raise ValueError(
