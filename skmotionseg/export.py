@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._utils.validation import check_ids, check_label_each
-from ._utils.writing import check_stale, replacing
+from ._utils.writing import check_stale, motion_file, replacing
 
 __all__ = ["save_motions", "static_mask"]
 
@@ -122,11 +122,11 @@ def save_motions(
     labels = check_label_each(labels, len(X))
     track_ids = check_ids(range(len(X)) if track_ids is None else track_ids, len(X))
     folder = Path(folder)
-    groups = {f"motion_{m}.npz": labels == m for m in np.unique(labels[labels >= 0])}
+    groups = {motion_file(m): labels == m for m in np.unique(labels[labels >= 0])}
     if (labels < 0).any():
-        groups["no_motion.npz"] = labels < 0
+        groups[motion_file(-1)] = labels < 0
     folder.mkdir(exist_ok=True)
-    check_stale(folder, groups.__contains__)
+    check_stale(folder, groups)
     with ExitStack() as files:  # all are written before the first is put in its place
         for name, rows in groups.items():
             np.savez_compressed(

@@ -18,6 +18,7 @@ from .._utils.writing import (
     check_output,
     check_output_folder,
     check_stale,
+    motion_file,
 )
 from ..video._frames import PICTURE_ENDINGS, is_video
 from .console import PICTURES, count, progress_console
@@ -249,14 +250,8 @@ def _check_split(arguments):
     check_output_folder(arguments.split_dir)
     auto = arguments.motions == "auto"
     most = arguments.max_motions if auto else arguments.motions
-    if arguments.split_dir is None or most is None:
-        return
-
-    def may_be_replaced(name):
-        number = name.removeprefix("motion_").removesuffix(".npz")
-        return not number.isdecimal() or int(number) < most
-
-    check_stale(arguments.split_dir, may_be_replaced)
+    if arguments.split_dir is not None and most is not None:
+        check_stale(arguments.split_dir, [*map(motion_file, range(-1, most))])
 
 
 def _check_no_video_options(arguments):

@@ -76,22 +76,27 @@ def check_output_folder(folder):
         raise ValueError(f"{folder} is not a folder that could be written to")
 
 
-def check_stale(folder, is_replaced):
+def motion_file(motion):
+    """Name of the file of a motion's tracks; of those of none, if it is negative."""
+    return f"motion_{motion}.npz" if motion >= 0 else "no_motion.npz"
+
+
+def check_stale(folder, names):
     """Refuse a folder that holds motions of another segmentation, which would stay.
 
     Parameters
     ----------
     folder : Path
         Need not be there.
-    is_replaced : callable
-        Tells of a file's name whether a new file takes its place.
+    names : container of str
+        Of the files that new ones take the place of.
 
     Raises
     ------
     FileExistsError
     """
     present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
-    stale = sorted(path.name for path in present if not is_replaced(path.name))
+    stale = sorted(path.name for path in present if path.name not in names)
     if stale:
         raise FileExistsError(
             f"{folder} holds {', '.join(stale)} of another segmentation: remove it, or "
