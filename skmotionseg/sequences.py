@@ -22,6 +22,7 @@ from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.caching import as_memory, check_cacheable, recall
+from ._utils.seeds import seed_names
 from ._utils.validation import N_JOBS, check_instance, unmasked
 from .metrics import misclassification_error
 
@@ -229,8 +230,7 @@ def _seed_of(estimator):
 
     Of a pipeline any seed of a step: with one, there is one for all that is random.
     """
-    params = estimator.get_params()
-    names = [name for name in params if name.rpartition("__")[2] == "random_state"]
+    params, names = estimator.get_params(), seed_names(estimator)
     if "random_state" in names or not names:
         return params.get("random_state", 0), "random_state of the estimator"
     known = (name for name in names if isinstance(params[name], Integral))

@@ -10,6 +10,7 @@ from sklearn.base import BaseEstimator, clone
 from .._core.graph.cuts import own_shares
 from .._core.labels import canonical_labels
 from .._core.partition.search import PartitionSearch
+from .._utils.seeds import seed_names
 from .._utils.validation import check_label_each
 from ..model_selection import (
     EigengapModelSelector,
@@ -49,8 +50,9 @@ def make_selector(
         named = SELECTORS[selection](clusterer)
         return named.set_params(delta=delta) if selection == "ncre" else named
     selector: Any = clone(selection)
-    for name, value in selector.get_params().items():
-        if value is None and name.rpartition("__")[2] == "random_state":
+    params = selector.get_params()
+    for name in seed_names(selector):
+        if params[name] is None:
             selector.set_params(**{name: clusterer.random_state})
     return selector
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from sklearn.base import BaseEstimator, clone
 
 from .._utils.colours import series_colour
+from .._utils.seeds import seed_names
 from ..metrics import misclassification_error
 from ._drawing import check_names, figure_and_ax, legend_below, require_pyplot
 
@@ -284,15 +285,11 @@ def _check_lengths(X, y):
 def _segment(estimator, tracks, seed):
     estimator = clone(estimator)
     if seed is not None:
-        estimator.set_params(**dict.fromkeys(_names_of_seeds(estimator), seed))
+        names = seed_names(estimator)
+        if "random_state" in names:  # those that it holds get theirs from it
+            names = ["random_state"]
+        estimator.set_params(**dict.fromkeys(names, seed))
     return estimator.fit_predict(tracks)
-
-
-def _names_of_seeds(estimator):
-    """The parameter that holds the seed; those of its steps, if it has none itself."""
-    names = estimator.get_params()
-    inner = [name for name in names if name.endswith("__random_state")]
-    return ["random_state"] if "random_state" in names else inner
 
 
 def _table_of_records(records, dataset, methods, value):
