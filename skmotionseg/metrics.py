@@ -620,12 +620,12 @@ def _contingency(y_true, y_pred):
     return counts[:, found_labels >= 0]
 
 
-def _n_motions(labels):
-    labels = np.asarray(labels)
-    if labels.ndim > 0:
-        labels = _as_labels(labels, "labels of a sequence")
+def _n_motions(given):
+    """Motions of a sequence, of which labels are given or how many they are."""
+    count = np.asarray(given)
+    if count.ndim > 0:
+        labels = _as_labels(given, "labels of a sequence")
         return len(np.unique(labels[labels >= 0]))
-    count = labels
     if count.dtype.kind not in "iuf" or count != np.floor(count) or count < 0:
         raise ValueError(
             f"a number of motions must be a whole number of 0 or more; got {count}"

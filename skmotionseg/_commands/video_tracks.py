@@ -132,10 +132,10 @@ def track_to(folder, arguments, frames, console):
 def _settings(arguments, frames):
     """What the tracks depend on."""
     path = arguments.file.resolve()
-    names = [] if frames.names is None else frames.names
+    files = [path] if frames.names is None else [path / n for n in frames.names]
     return {
         "file": str(path),
-        "content": _content([path / name for name in names] or [path]),
+        "content": None if arguments.resume is None else _content(files),
         "grid": arguments.grid,
         "stride": arguments.stride,
         "max-frames": arguments.max_frames,
