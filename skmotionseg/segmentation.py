@@ -93,10 +93,12 @@ class MotionSegmenter(TracksInput, ClusterMixin, BaseEstimator):
     ``selection``).
 
     A clip of more than 100 frames is segmented in windows of 30 frames that overlap by
-    ten. Windows are segmented independently, in parallel, and then joined: a motion
-    keeps its label as long as most of its tracks continue, and an object that was out
-    of view gets its label back if it reappears where it is expected. If the number of
-    motions is given, it is that of the whole clip; fewer may be in view at a time.
+    at least ten. Windows are segmented independently, in parallel, and then joined: a
+    motion keeps its label as long as most of its tracks continue, and an object that
+    was out of view gets its label back if it reappears where it is expected. If the
+    number of motions is given, it is that of the whole clip, fewer of which may be in
+    view at a time; windows that together show fewer are asked for more, and there is a
+    warning if they do not tell so many apart.
 
     Parameters
     ----------
@@ -147,7 +149,8 @@ estimator, default="description_length"
         Weight of the reconstruction error, for ``selection="ncre"`` (see
         :class:`NCREModelSelector`).
     min_motions, max_motions : int, default=1 and 10
-        Range of the number of motions if ``n_motions="auto"``.
+        Range of the number of motions if ``n_motions="auto"``; in a clip of more than
+        100 frames, of those in each window, of which the whole may have more.
     reject_outliers : bool, default=True
         Whether tracks that are inliers of no motion are labelled -1, for
         ``selection="description_length"``; the other rules keep all tracks. Motions are

@@ -269,6 +269,10 @@ class StoredClip:
             points[here, frame] = where[there]
         return points, np.isfinite(points).all(axis=2)
 
+    def ends(self, part):
+        """First and last frame of a window."""
+        return [part.start, part.stop - 1]
+
     def matrix(self):
         """All tracks as one matrix, float32, which may be large."""
         shape = self.n_tracks, self.n_frames, 2

@@ -22,11 +22,14 @@ from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.caching import as_memory, recall
 from .._utils.validation import TooFewTracksError
+from .._utils.warning import warn_user
 
 # Frames above which a clip is taken in windows.
 LONG_CLIP = 100
 # Tracks of a matrix that are unpacked at a time.
 BATCH = 1000
+# Windows that are asked for one motion more, for each that the whole clip lacks.
+MOST_ASKED = 5
 
 
 class WindowedLabels(NamedTuple):
@@ -53,6 +56,10 @@ class WindowedLabels(NamedTuple):
     counts: np.ndarray
     surely: np.ndarray
 
+    @property
+    def n_motions(self):
+        return int(self.labels.max(initial=-1)) + 1
+
 
 class LongClip:
     """Tracks of a long clip, of which a window at a time is unpacked.
@@ -71,6 +78,8 @@ class LongClip:
     ----------
     n_tracks, n_frames : int
         Frames that see nothing are not counted.
+    length : int
+        Frames of the matrix.
     frames : ndarray of int, shape (n_frames,)
         Which frames of the matrix they are.
     times : ndarray of int, shape (n_tracks,)
@@ -91,6 +100,7 @@ class LongClip:
         visibility = np.concatenate(seen)
         self.frames = non_empty_frames(visibility, fewest)
         self.n_tracks, self.n_frames = len(X), len(self.frames)
+        self.length = visibility.shape[1]
         self.extent = extent_of(corners)
         self.times = visibility.sum(axis=1)
         self.parts = parts_of(visibility[:, self.frames])
@@ -99,6 +109,10 @@ class LongClip:
         """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""
         frames = self.frames[part.start : part.stop]
         return unpack_tracks(self._X[np.ix_(part.tracks, _columns(frames))])
+
+    def ends(self, part):
+        """First and last frame of a window, those that see nothing being counted."""
+        return self.frames[[part.start, part.stop - 1]].tolist()
 
     def are_in(self, windows):
         """Whether each track (n_tracks,) is in one of some windows.
@@ -138,10 +152,12 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     Parameters
     ----------
     clip : LongClip
-        Or what else has its ``n_tracks``, ``extent``, ``parts`` and ``window``.
+        Or what else has its ``n_tracks``, ``extent``, ``parts``, ``ends`` and
+        ``window``.
     segmenter : MotionSegmenter
         Whose parameters the windows are segmented with. Their number of motions is
-        open, as some may be out of view: ``n_motions`` is that of the whole.
+        open, as some may be out of view: ``n_motions`` is that of the whole, and there
+        is a warning where windows do not tell so many apart.
     rng : RandomState
     report : callable, optional
         Called after each window with the number done and the number there will be.
@@ -161,7 +177,58 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     fits = _WindowFits(clip, segmenter, rng, report)
     found = fits.of(range(len(clip.parts)))
     _check_searched(found, clip.n_tracks)
-    return _joined(clip, agreeing(found, fits.of, *fits.limits), fits.most)
+    found = agreeing(found, fits.of, *fits.limits)
+    joined = _joined(clip, found, fits.most)
+    if fits.most is not None and joined.n_motions < fits.most:
+        return _with_more(clip, found, joined, fits)
+    return joined
+
+
+def _with_more(clip, found, joined, fits):
+    """What windows say together where they have fewer motions than there are.
+
+    One after the other, the window that is likeliest to have more is asked for one
+    more, and those beside it to agree.
+
+    Parameters
+    ----------
+    clip : LongClip
+    found : list of WindowMotions
+    joined : WindowedLabels
+        Of these.
+    fits : _WindowFits
+    """
+    asked: set[int] = set()
+    most_asked = MOST_ASKED * (fits.most - joined.n_motions)
+    for _ in range(most_asked):
+        place = _likeliest_of_more(found, asked, fits.most)
+        if joined.n_motions == fits.most or place is None:
+            break
+        asked.add(place)
+        (more,) = fits.of([place], [found[place].n_motions + 1])
+        changed = [*found]
+        changed[place] = more._replace(surely=1.0)
+        changed = agreeing(changed, fits.of, *fits.limits)
+        after = _joined(clip, changed, fits.most)
+        if after.n_motions > joined.n_motions:
+            found, joined = changed, after
+            asked.clear()
+    if joined.n_motions < fits.most:
+        warn_user(
+            f"n_motions={fits.most} was asked for, but the windows of the clip tell "
+            f"only {joined.n_motions} motions apart: labels are of these"
+        )
+    return joined
+
+
+def _likeliest_of_more(found, asked, most):
+    """The window of fewer motions, not yet asked, that is likeliest to have more."""
+    places = [
+        k
+        for k, each in enumerate(found)
+        if k not in asked and _is_searched(each) and each.n_motions < most
+    ]
+    return max(places, key=lambda k: np.nan_to_num(found[k].more), default=None)
 
 
 class _WindowFits:
@@ -190,9 +257,10 @@ class _WindowFits:
 
     def _task(self, place, number, attempt):
         part, seed = self.clip.parts[place], int(self.seeds[place]) + attempt
+        first, last = self.clip.ends(part)
         estimator = clone(self.estimator)
         return Task(
-            f"segmenting frames {part.start} to {part.stop - 1}",
+            f"segmenting frames {first} to {last}",
             recall,
             self.memory,
             _segment,
@@ -212,7 +280,7 @@ def _joined(clip, found, most):
         points, seen = clip.window(part)
         joiner.add(part, points, seen, each.labels, sure)
     labels, shares = joiner.labels()
-    frames = np.array([[part.start, part.stop - 1] for part in clip.parts])
+    frames = np.array([clip.ends(part) for part in clip.parts])
     return WindowedLabels(canonical_labels(labels), shares, frames, counts, surely)
 
 
@@ -252,9 +320,9 @@ def _for_windows(segmenter, most):
 
 
 def _segment(estimator, X, version):
-    """Labels, and how probable it is that there are no fewer motions; NaN if unknown.
+    """Labels, and how probable it is that there are no fewer motions, and that more.
 
-    A window may have fewer tracks than the landmarks that are asked for, and too few
+    Both NaN if unknown. A window may have fewer tracks than the landmarks that are asked for, and too few
     for any motion. The version says of what code they are, where they are kept.
     """
     asked = estimator.n_landmarks
@@ -263,6 +331,6 @@ def _segment(estimator, X, version):
     try:
         labels = estimator.fit(X).labels_
     except TooFewTracksError:
-        return np.full(len(X), -1), np.nan
-    surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
-    return labels, float(surely)
+        return np.full(len(X), -1), np.nan, np.nan
+    probabilities = estimator.count_probabilities_[estimator.best_index_ :]
+    return labels, float(probabilities.sum()), float(probabilities[1:].sum())

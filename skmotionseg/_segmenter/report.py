@@ -257,7 +257,7 @@ def report_of_windows(segmenter, clip):
             for label in range(n_motions)
         ),
         counts=(),
-        n_frames=clip.n_frames,
+        n_frames=clip.length,
         n_judged=int(judged.sum()),
         term_names=("", ""),
         weights=(0.0, 0.0),

@@ -148,7 +148,8 @@ def test_selectors_of_their_own_are_not_overruled(X, monkeypatch):
 def test_windows_that_are_there_are_not_segmented_again(X, tmp_path, monkeypatch):
     tracks, _ = X
     quick = {"selection": "ncre", "n_hypotheses": 50, "random_state": 0}
-    segmenter = MotionSegmenter(2, **quick, memory=tmp_path)
+    quick["max_motions"] = 2
+    segmenter = MotionSegmenter(**quick, memory=tmp_path)
     done, segment = [], MotionSegmenter.fit
 
     def interrupted(self, X, y=None):
@@ -164,7 +165,7 @@ def test_windows_that_are_there_are_not_segmented_again(X, tmp_path, monkeypatch
         with pytest.raises(KeyboardInterrupt):
             segmenter.fit(tracks)
     assert len(list(tmp_path.rglob("output.pkl"))) == 2
-    plain = MotionSegmenter(2, **quick).fit(tracks)
+    plain = MotionSegmenter(**quick).fit(tracks)
     assert_array_equal(segmenter.fit(tracks).labels_, plain.labels_)
     assert len(list(tmp_path.rglob("output.pkl"))) == len(plain.windows_)
 
@@ -262,6 +263,45 @@ def test_a_clip_with_too_few_tracks_is_refused_whatever_its_length(n_frames):
 
 
 def test_window_without_motions_has_none():
-    labels, surely = long_clips._segment(MotionSegmenter(), np.ones((3, 20)), "")
-    assert np.isnan(surely)
+    found = long_clips._segment(MotionSegmenter(), np.ones((3, 20)), "")
+    labels, *probabilities = found
+    assert np.isnan(probabilities).all()
     assert_array_equal(labels, [-1, -1, -1])
+
+
+@pytest.fixture(scope="module")
+def gapped():
+    """A clip whose first ten frames see nothing, and a segmenter of it."""
+    X, _ = make_rigid_motions(150, 120, 2, missing=0.3, random_state=0)
+    X[:, :20] = np.nan
+    return X, MotionSegmenter(n_hypotheses=50, random_state=0).fit(X)
+
+
+@pytest.mark.slow
+def test_windows_of_a_clip_with_empty_frames_are_in_its_frames(gapped):
+    X, segmenter = gapped
+    report = segmenter.report(X)
+    assert_array_equal(segmenter.windows_[[0, -1]], [[10, 39], [90, 119]])
+    assert report.n_frames == 120
+    assert report.windows[0].frames == (10, 39)
+
+
+@pytest.mark.slow
+def test_a_long_clip_has_as_many_motions_as_are_asked_for(gapped):
+    X, segmenter = gapped
+    n_motions = segmenter.n_motions_ + 1
+    more = MotionSegmenter(n_motions, n_hypotheses=50, random_state=0).fit(X)
+    assert more.n_motions_ == n_motions
+    assert set(more.labels_) - {-1} == set(range(n_motions))
+
+
+@pytest.mark.slow
+def test_motions_that_no_window_tells_apart_are_warned_of(monkeypatch):
+    def one_motion(estimator, X, version):
+        return np.zeros(len(X), dtype=int), 1.0, 0.0
+
+    monkeypatch.setattr(long_clips, "_segment", one_motion)
+    X, _ = make_rigid_motions(30, 120, 2, missing=0, random_state=0)
+    with pytest.warns(UserWarning, match="n_motions=3 was asked for, but .* only 1"):
+        segmenter = MotionSegmenter(3, n_hypotheses=50, random_state=0).fit(X)
+    assert segmenter.n_motions_ == 1

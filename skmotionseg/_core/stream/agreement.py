@@ -31,11 +31,14 @@ class WindowMotions(NamedTuple):
         ``0..M - 1``, none empty; -1 for none.
     surely : float
         Probability that there are no fewer motions; NaN where it is not known.
+    more : float
+        Probability that there are more; NaN where it is not known.
     """
 
     tracks: np.ndarray
     labels: np.ndarray
     surely: float
+    more: float = np.nan
 
     @property
     def n_motions(self):
