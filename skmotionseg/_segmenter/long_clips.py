@@ -322,8 +322,9 @@ def _for_windows(segmenter, most):
 def _segment(estimator, X, version):
     """Labels, and how probable it is that there are no fewer motions, and that more.
 
-    Both NaN if unknown. A window may have fewer tracks than the landmarks that are asked for, and too few
-    for any motion. The version says of what code they are, where they are kept.
+    Both NaN if unknown. A window may have fewer tracks than the landmarks that are
+    asked for, and too few for any motion. The version says of what code they are, where
+    they are kept.
     """
     asked = estimator.n_landmarks
     if isinstance(asked, Integral) and int(asked) > len(X):
