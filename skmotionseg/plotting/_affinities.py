@@ -114,8 +114,8 @@ class AffinityDisplay:
         Parameters
         ----------
         estimator : fitted estimator or Pipeline
-            :class:`~skmotionseg.MotionSegmenter` or the pipeline of
-            :func:`~skmotionseg.make_motion_pipeline`, which take tracks, or
+            :class:`~skmotionseg.MotionSegmenter`, alone or last in a pipeline, or the
+            pipeline of :func:`~skmotionseg.make_motion_pipeline`, which take tracks, or
             :class:`~skmotionseg.NCREModelSelector` or
             :class:`~skmotionseg.MultiModelSpectralClustering`, which take stacked
             affinities.
@@ -150,10 +150,9 @@ class AffinityDisplay:
             )
         partitions = _partitions(last, counts)
         labels = last.labels_ if labels is None else check_label_each(labels, len(X))
-        if hasattr(last, "landmarks_"):
-            X = np.asarray(X)[last.landmarks_]
-            partitions, labels = partitions[:, last.landmarks_], labels[last.landmarks_]
         affinities, names = _views_and_names(estimator, X)
+        if hasattr(last, "landmarks_"):
+            partitions, labels = partitions[:, last.landmarks_], labels[last.landmarks_]
         display = cls(affinities, partitions, labels=labels, view_names=names)
         return display.plot(axes=axes, colorbar=colorbar)
 
@@ -386,17 +385,18 @@ def _partitions(estimator, counts):
 
 
 def _views_and_names(estimator, X):
-    """Affinities (n_views, n, n) among the rows, and the names of the views."""
-    if hasattr(estimator, "views_"):
-        views = estimator.views_
-        affinities = [k.transform(s.transform(X)) for s, k in views.values()]
-        return np.stack(affinities), list(views)
+    """Affinities (n_views, n, n) that were clustered, and the names of the views."""
     names = None
     if isinstance(estimator, Pipeline):
-        for step in estimator[:-1].named_steps.values():
+        *before, (_, last) = estimator.steps
+        for _, step in before:
             if isinstance(step, FeatureUnion):
                 names = _names_of_union(step)
-        X = estimator[:-1].transform(X)
+        X = estimator[:-1].transform(X) if before else X
+        estimator = last
+    if hasattr(estimator, "views_"):
+        affinities = estimator._fitted_affinities(X)
+        return np.stack([*affinities.values()]), [*affinities]
     return read_stacked(X), names
 
 

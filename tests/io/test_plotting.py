@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 from numpy.testing import assert_allclose, assert_array_equal
@@ -17,8 +18,10 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
+from benchmarks.static_scenes import shaken
 from skmotionseg import (
     MotionModel,
     MotionSegmenter,
@@ -26,7 +29,9 @@ from skmotionseg import (
     NCREModelSelector,
     PerSequence,
     make_motion_pipeline,
+    pack_tracks,
     plotting,
+    unpack_tracks,
 )
 from skmotionseg._core.graph.cuts import reconstruction_error
 from skmotionseg._utils.colours import OUTLIER_COLOUR, motion_colour
@@ -251,6 +256,41 @@ def test_affinities_of_landmarks_are_drawn_alone(small):
     display = AffinityDisplay.from_estimator(segmenter.fit(X), X)
     assert display.images_[0, 0].get_array().shape == (30, 30)
     assert_array_equal(display.labels, segmenter.labels_[segmenter.landmarks_])
+
+
+def test_affinities_are_those_of_tracks_without_a_rolling_shutter():
+    X, _ = shaken(0.7, n_moving=30, seed=1)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, n_landmarks=60, random_state=0)
+    segmenter.fit(X)
+    assert segmenter.readout_.any()
+    points = segmenter._shutter.at_once(*unpack_tracks(X))
+    fitted = pack_tracks(points[segmenter.landmarks_])
+    display = AffinityDisplay.from_estimator(segmenter, X)
+    for affinity, (sampler, kernel) in zip(
+        display.affinities, segmenter.views_.values(), strict=True
+    ):
+        assert_array_equal(affinity, kernel.transform(sampler.transform(fitted)))
+
+
+def test_affinities_are_drawn_of_whatever_was_fitted(small):
+    """Masked arrays and data frames, clips with an empty frame, and last in a pipeline.
+
+    A step before the segmenter gives it other tracks than the pipeline has.
+    """
+    X, *_ = small
+    X = np.hstack([X[:, :6], np.full((60, 2), np.nan), X[:, 6:]])
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X)
+    expected = AffinityDisplay.from_estimator(segmenter, X).affinities
+    masked = np.ma.masked_array(np.nan_to_num(X, nan=-1), np.isnan(X))
+    for given in (masked, pd.DataFrame(X).astype("Float64")):
+        shown = AffinityDisplay.from_estimator(segmenter, given)
+        assert_array_equal(shown.affinities, expected)
+    halved = FunctionTransformer(lambda tracks: tracks / 2)
+    for steps, factor in (([segmenter], 1), ([halved, segmenter], 2)):
+        pipeline = make_pipeline(*steps)
+        shown = AffinityDisplay.from_estimator(pipeline, factor * X)
+        assert_array_equal(shown.affinities, expected)
+        assert [ax.get_title() for ax in shown.axes_[:, 0]] == list(MODELS)
 
 
 def test_steps_of_a_pipeline_are_seeded(small):
@@ -807,6 +847,13 @@ def case(name, call, words, error=ValueError):
                 MultiModelSpectralClustering().fit(STACKED), X0
             ),
             "the estimator was fitted to 7 rows; got 20",
+        ),
+        case(
+            "affinities, other tracks",
+            lambda: AffinityDisplay.from_estimator(
+                MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X0), X0[::-1]
+            ),
+            "a display needs the tracks that were fitted, in their order",
         ),
         case(
             "affinities, other columns",
