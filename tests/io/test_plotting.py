@@ -637,6 +637,26 @@ def test_other_parameters_are_held_at_the_best_setting():
         GridDisplay.from_cv_results({**results, "mean_test_score": np.nan * scores})
 
 
+def test_settings_with_a_parameter_that_the_best_one_lacks_are_no_others_of_it():
+    settings = [{"a": 1, "b": b, **c} for c in ({}, {"c": 5}) for b in (1, 2)]
+    results = {"params": settings, "mean_test_score": [0.9, 0.8, 0.5, 0.4]}
+    display = GridDisplay.from_cv_results(results, x="a", y="b")
+    assert_allclose(display.errors, [[0.1], [0.2]])
+
+
+def test_values_of_a_grid_are_told_apart_whatever_they_are():
+    """Arrays and functions without a name; True is not 1, but 1.0 is."""
+    starts = np.zeros(2), np.ones(2)
+    functions = (lambda views: views[0]), (lambda views: views[1])
+    for values in (starts, functions, (True, 1), ((True,), (1,)), (None, "None")):
+        settings = [{"a": a, "b": b} for a in values for b in (1, 2.0)]
+        settings.append({"a": values[0], "b": 2})
+        results = {"params": settings, "mean_test_score": [0.9, 0.8, 0.5, 0.4, 0.7]}
+        display = GridDisplay.from_cv_results(results)
+        assert_allclose(display.errors, [[0.1, 0.5], [0.3, 0.6]])
+        assert all(a is b for a, b in zip(display.x_values, values, strict=True))
+
+
 def test_the_grid_is_that_of_the_search(search):
     display = GridDisplay.from_estimator(
         search, x="estimator__delta", y="estimator__models"
