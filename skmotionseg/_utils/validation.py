@@ -128,6 +128,15 @@ def check_farthest(points):
         )
 
 
+def check_frames(X, points):
+    """Refuse tracks (n_tracks, n_frames, 2) that have no frame."""
+    if not points.shape[1]:
+        raise ValueError(
+            "tracks need two columns per frame, of one frame or more; got an array of "
+            f"shape {np.shape(X)}"
+        )
+
+
 def check_estimator_parameters(estimator):
     """Refuse bad parameters of an estimator, and of those that it holds.
 

@@ -14,9 +14,9 @@ import numpy.typing as npt
 from .._core.geometry.tracks import unpack_tracks
 from .._utils.colours import motion_colour, red_green_blue
 from .._utils.optional import require
-from .._utils.validation import check_label_each
+from .._utils.validation import check_frames, check_label_each
 from .._utils.writing import check_output, replacing_path
-from ._checks import check_fps, check_frames, check_number, make_reporter
+from ._checks import check_fps, check_number, make_reporter
 from ._frames import Progress, Source, first_frames, open_frames
 from ._pixels import at_scale
 

@@ -784,6 +784,16 @@ def case(name, call, words, error=ValueError):
     ("call", "words", "error"),
     [
         case(
+            "motions, no frame",
+            lambda: MotionDisplay.from_predictions(X0[:, :0], Y0),
+            r"two columns per frame, of one frame or more; got .* shape \(20, 0\)",
+        ),
+        case(
+            "two frames, no frame",
+            lambda: plotting.plot_motions(X0[:, :0], Y0),
+            r"two columns per frame, of one frame or more; got .* shape \(20, 0\)",
+        ),
+        case(
             "motions, lengths",
             lambda: MotionDisplay.from_predictions(X0, Y0[:-1]),
             r"20 tracks need one label each; got labels of shape \(19,\)",
