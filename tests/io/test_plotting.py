@@ -465,6 +465,14 @@ def test_report_axes_that_are_given_are_used():
     assert plt.get_fignums() == [figure.number]
 
 
+def test_report_axes_are_an_array_whatever_was_given():
+    display = DISPLAYS["ReportDisplay"]
+    _, axes = plt.subplots(1, 2, squeeze=False)
+    for given in (None, [*axes[0]], axes):
+        assert display.plot(axes=given).axes_.shape == (2,)
+    assert display.axes_.tolist() == [*axes[0]]
+
+
 # ----------------------------------------------------------------------------- errors
 
 
