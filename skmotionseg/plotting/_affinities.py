@@ -18,6 +18,7 @@ from .._utils.validation import check_label_each
 from .._utils.words import counted
 from ..pipelines import ModelUnion
 from ._drawing import (
+    check_affinities,
     check_names,
     count_motions,
     last_step,
@@ -208,8 +209,9 @@ class AffinityDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If the affinities are not square, partitions and labels do not fit them, or
-            the number of axes is not that of the matrices. Nothing is drawn then.
+            If the affinities are not square, symmetric, finite and not negative,
+            partitions and labels do not fit them, or the number of axes is not that of
+            the matrices. Nothing is drawn then.
         """
         views, partitions, labels, names = self._checked()
         shape = len(views), 1 + len(partitions)
@@ -272,8 +274,7 @@ class AffinityDisplay:
             raise ValueError(
                 f"affinities need shape (n_views, n, n); got {views.shape}"
             )
-        if not np.isfinite(views).all() or views.min() < 0:
-            raise ValueError("affinities must be finite and not negative")
+        check_affinities(views)
         n = views.shape[1]
         partitions = [_in_turn(p, n, "a partition") for p in self.partitions]
         if self.labels is None and not partitions:

@@ -860,6 +860,11 @@ def case(name, call, words, error=ValueError):
             "finite and not negative",
         ),
         case(
+            "affinities, not symmetric",
+            lambda: AffinityDisplay.from_predictions([np.triu(K)], [Y]),
+            "affinities need to be symmetric; entries of view 0 differ",
+        ),
+        case(
             "affinities, partition",
             lambda: AffinityDisplay.from_predictions([K], [Y[:-1]]),
             r"7 tracks need one label each; got a partition of shape \(6,\)",
@@ -942,6 +947,21 @@ def case(name, call, words, error=ValueError):
             "counts, affinities",
             lambda: CountDisplay.from_predictions(STACKED[1:], [Y[1:]]),
             r"stacked affinities need shape \(n, n_views \* n\); got \(6, 14\)",
+        ),
+        case(
+            "counts, negative",
+            lambda: CountDisplay.from_predictions(-STACKED, [Y]),
+            "affinities must be finite and not negative",
+        ),
+        case(
+            "counts, not numbers",
+            lambda: CountDisplay.from_predictions(np.nan * STACKED, [Y]),
+            "affinities must be finite and not negative",
+        ),
+        case(
+            "counts, not symmetric",
+            lambda: CountDisplay.from_predictions(np.hstack([K, np.triu(K)]), [Y]),
+            "affinities need to be symmetric; entries of view 1 differ",
         ),
         case(
             "counts, no affinities",
