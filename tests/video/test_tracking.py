@@ -693,7 +693,9 @@ def test_segment_takes_a_video(clip, tmp_path, capsys, monkeypatch, ending, pict
     assert (written.target[background] == 0).mean() > 0.9
     for motion in (0, 1):
         n = (written.target == motion).sum()
-        row = rf"│ +{motion} │ +{n} │ +{n / len(points):.1%} │ +12 of 12 │ ● "
+        row = rf"│ +{motion} │ +{n} │ +{n / len(points):.1%} │ +12 of 12 │ \w+ +│"
+        assert re.search(row, printed)  # without a colour, as objects have those drawn
+        row = rf"(static scene|object) {motion} │ +\d+ │ +12 of 12 │ ● "
         assert re.search(row + COLOURS[motion], printed)
     assert "tracking: 12 of 12 done" in errors
     assert "rendering: 12 of 12 done" in errors
