@@ -28,6 +28,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     int
         0, or 2 if the input or the installation is at fault, or 130 after Ctrl-C.
 
+    Raises
+    ------
+    SystemExit
+        By the parser: with 2 if it does not take the arguments, with 0 after
+        ``--help`` and ``--version``.
+
     Examples
     --------
     >>> from skmotionseg.cli import main

@@ -231,6 +231,11 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
         self.thresholds_ = self._thresholds(affinity, preferences)
         return self._sparsify(affinity, self.thresholds_)
 
+    @single_threaded
+    def _fitted_affinity(self):
+        """What ``fit_transform`` gave."""
+        return self._affinity_to_fitted(self._preferences, self._preferences)
+
     def _affinity_to_fitted(self, preferences, fitted):
         affinity = self._affinity(preferences, fitted)
         return self._sparsify(affinity, self._thresholds(affinity, preferences))

@@ -825,23 +825,37 @@ estimator, default="description_length"
         check_is_fitted(self)
         tracks = self._read_tracks(X, reset=False)
         if hasattr(self, "windows_"):
-            self._check_fitted_to(self._digests_of_long(tracks))
+            self._check_fitted_to(self._digests_of_long(tracks), "a report")
             return report_of_windows(self, LongClip(tracks, self.frame_gap + 1))
-        points, visibility = self._unpack(tracks)
-        self._check_fitted_to(_digests(points[:, self._frames]))
-        return make_report(self, points, visibility)
+        return make_report(self, *self._unpack_fitted(tracks, "a report"))
 
-    def _check_fitted_to(self, digests):
+    def _fitted_affinities(self, X):
+        """Affinities (n_landmarks, n_landmarks) that were clustered, by model.
+
+        The tracks are only checked: kernels keep what they were fitted to, which are
+        landmarks as if the camera had read each frame at once.
+        """
+        self._unpack_fitted(self._read_tracks(X, reset=False), "a display")
+        views = self.views_.items()
+        return {model: kernel._fitted_affinity() for model, (_, kernel) in views}
+
+    def _unpack_fitted(self, tracks, what):
+        """What :meth:`_unpack` gives, of the tracks of the fit; others are refused."""
+        points, visibility = self._unpack(tracks)
+        self._check_fitted_to(_digests(points[:, self._frames]), what)
+        return points, visibility
+
+    def _check_fitted_to(self, digests, what):
         """Refuse tracks that are not those of the fit, in their order."""
         n_tracks = len(self.labels_)
         if len(digests) != n_tracks:
             raise ValueError(
-                f"a report needs the {n_tracks} tracks that were fitted; got "
+                f"{what} needs the {n_tracks} tracks that were fitted; got "
                 f"{len(digests)}"
             )
         if [*dict.fromkeys(digests)] != [*self._known]:  # a track may come twice
             raise ValueError(
-                "a report needs the tracks that were fitted, in their order; these are "
+                f"{what} needs the tracks that were fitted, in their order; these are "
                 "others, or in another order"
             )
 

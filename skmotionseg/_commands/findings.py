@@ -40,7 +40,8 @@ def print_findings(console, arguments, sequence, segmenter):
     facts += seconds_facts(sequence.seconds)
     console.print(facts_table(arguments.file.name, facts))
     report = segmenter.report(sequence.data)
-    console.print(_motion_table(report))
+    # Pictures that show objects have the colours of these.
+    console.print(_motion_table(report, coloured=sequence.objects is None))
     if sequence.objects is not None:
         console.print(_object_table(sequence))
     if len(report.counts) > 1:
@@ -61,10 +62,10 @@ def print_findings(console, arguments, sequence, segmenter):
             console.print(f"{name}: {path}", highlight=False)
 
 
-def _motion_table(report):
-    """A row per motion, and one for the tracks of none."""
+def _motion_table(report, *, coloured):
+    """A row per motion, and one for the tracks of none; with their colours, or not."""
     table = require("rich.table", extra="cli").Table()
-    for title in ("motion", "tracks", "share", "frames", "colour"):
+    for title in ("motion", "tracks", "share", "frames", *["colour"] * coloured):
         table.add_column(title, justify="right")
     table.add_column("model")
     table.add_column("residual", justify="right")
@@ -74,13 +75,14 @@ def _motion_table(report):
             str(motion.n_tracks),
             f"{motion.share:.1%}",
             f"{len(motion.frames)} of {report.n_frames}",
-            _colour(motion.label),
+            *[_colour(motion.label)] * coloured,
             motion.model or "too few",
             pixels(motion.residual),
         )
     if report.n_outliers:
         share = f"{report.n_outliers / report.n_tracks:.1%}"
-        table.add_row("none", str(report.n_outliers), share, "", _colour(-1))
+        colour = [_colour(-1)] * coloured
+        table.add_row("none", str(report.n_outliers), share, "", *colour)
     return table
 
 

@@ -15,6 +15,7 @@ from .._utils.writing import check_apart, check_output
 from .console import facts_table
 from .label_files import begin_observations, write_frame
 from .method_options import METHOD_OPTIONS, check_no_file_options, option_name
+from .video_tracks import open_video
 from .windows import Window
 
 # Points that a frame has by default: a grid so coarse that a camera is kept up with.
@@ -45,12 +46,11 @@ def segment_live(arguments):
         Of ``skmotionseg segment``.
     """
     from ..online import OnlineMotionSegmenter
-    from ..video._frames import open_frames
     from ..video._rendering import write_points
 
     _check(arguments)
     console = require("rich.console", extra="cli").Console()
-    frames = open_frames(_source(arguments.file), cameras=True).every(arguments.stride)
+    frames = open_video(_source(arguments.file), arguments.stride)
     segmenter = OnlineMotionSegmenter(
         arguments.motions,
         focal_length=arguments.focal_length,

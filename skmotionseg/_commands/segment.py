@@ -180,7 +180,7 @@ def _segment(arguments):
 def _segment_video(run):
     """Track a video; segment its tracks at once, or those of a long one in windows."""
     arguments, segmenter, _, progress, started = run
-    frames = open_video(arguments)
+    frames = open_video(arguments.file, arguments.stride)
     check_mask_names(arguments, frames)
     _check_length(arguments, expected_length(arguments, frames))
     if not goes_in_blocks(arguments, frames):

@@ -29,12 +29,13 @@ PIECES, PIECE = 256, 2**16
 FEWEST_TRACKS = 4
 
 
-def open_video(arguments):
-    """The frames of a video that are to be read."""
-    # What OpenCV and FFmpeg print of a damaged video, the error says in one line.
+def open_video(source, stride):
+    """The frames of a video, or of a camera, that are to be read."""
+    # What OpenCV and FFmpeg print of a damaged video, the error says in one line; what
+    # they print of codecs that are missing is no news. Later, they would not heed it.
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    return open_frames(arguments.file).every(arguments.stride)
+    return open_frames(source, cameras=True).every(stride)
 
 
 def goes_in_blocks(arguments, frames):

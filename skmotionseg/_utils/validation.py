@@ -128,6 +128,15 @@ def check_farthest(points):
         )
 
 
+def check_frames(X, points):
+    """Refuse tracks (n_tracks, n_frames, 2) that have no frame."""
+    if not points.shape[1]:
+        raise ValueError(
+            "tracks need two columns per frame, of one frame or more; got an array of "
+            f"shape {np.shape(X)}"
+        )
+
+
 def check_estimator_parameters(estimator):
     """Refuse bad parameters of an estimator, and of those that it holds.
 
@@ -194,6 +203,12 @@ def read_affinities(estimator, X):
             f"side; got {X.shape} ({OF_A_FOLD})"
         )
     views = np.ascontiguousarray(X.reshape(n, -1, n).swapaxes(0, 1))
+    check_symmetric(views)
+    return views
+
+
+def check_symmetric(views):
+    """Refuse affinities (n_views, n, n) of which one is not symmetric."""
     for v, view in enumerate(views):
         asymmetry = np.abs(view - view.T).max()
         if asymmetry > 1e-5 * view.max():
@@ -201,7 +216,6 @@ def read_affinities(estimator, X):
                 f"affinities need to be symmetric; entries of view {v} differ from "
                 f"their transposes by up to {asymmetry:.3g} ({OF_A_FOLD})"
             )
-    return views
 
 
 def split_views(X, n_views):

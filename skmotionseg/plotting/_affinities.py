@@ -18,6 +18,7 @@ from .._utils.validation import check_label_each
 from .._utils.words import counted
 from ..pipelines import ModelUnion
 from ._drawing import (
+    check_affinities,
     check_names,
     count_motions,
     last_step,
@@ -114,8 +115,8 @@ class AffinityDisplay:
         Parameters
         ----------
         estimator : fitted estimator or Pipeline
-            :class:`~skmotionseg.MotionSegmenter` or the pipeline of
-            :func:`~skmotionseg.make_motion_pipeline`, which take tracks, or
+            :class:`~skmotionseg.MotionSegmenter`, alone or last in a pipeline, or the
+            pipeline of :func:`~skmotionseg.make_motion_pipeline`, which take tracks, or
             :class:`~skmotionseg.NCREModelSelector` or
             :class:`~skmotionseg.MultiModelSpectralClustering`, which take stacked
             affinities.
@@ -150,10 +151,9 @@ class AffinityDisplay:
             )
         partitions = _partitions(last, counts)
         labels = last.labels_ if labels is None else check_label_each(labels, len(X))
-        if hasattr(last, "landmarks_"):
-            X = np.asarray(X)[last.landmarks_]
-            partitions, labels = partitions[:, last.landmarks_], labels[last.landmarks_]
         affinities, names = _views_and_names(estimator, X)
+        if hasattr(last, "landmarks_"):
+            partitions, labels = partitions[:, last.landmarks_], labels[last.landmarks_]
         display = cls(affinities, partitions, labels=labels, view_names=names)
         return display.plot(axes=axes, colorbar=colorbar)
 
@@ -209,8 +209,9 @@ class AffinityDisplay:
         ImportError
             If matplotlib is missing.
         ValueError
-            If the affinities are not square, partitions and labels do not fit them, or
-            the number of axes is not that of the matrices. Nothing is drawn then.
+            If the affinities are not square, symmetric, finite and not negative,
+            partitions and labels do not fit them, or the number of axes is not that of
+            the matrices. Nothing is drawn then.
         """
         views, partitions, labels, names = self._checked()
         shape = len(views), 1 + len(partitions)
@@ -273,8 +274,7 @@ class AffinityDisplay:
             raise ValueError(
                 f"affinities need shape (n_views, n, n); got {views.shape}"
             )
-        if not np.isfinite(views).all() or views.min() < 0:
-            raise ValueError("affinities must be finite and not negative")
+        check_affinities(views)
         n = views.shape[1]
         partitions = [_in_turn(p, n, "a partition") for p in self.partitions]
         if self.labels is None and not partitions:
@@ -386,17 +386,18 @@ def _partitions(estimator, counts):
 
 
 def _views_and_names(estimator, X):
-    """Affinities (n_views, n, n) among the rows, and the names of the views."""
-    if hasattr(estimator, "views_"):
-        views = estimator.views_
-        affinities = [k.transform(s.transform(X)) for s, k in views.values()]
-        return np.stack(affinities), list(views)
+    """Affinities (n_views, n, n) that were clustered, and the names of the views."""
     names = None
     if isinstance(estimator, Pipeline):
-        for step in estimator[:-1].named_steps.values():
+        *before, (_, last) = estimator.steps
+        for _, step in before:
             if isinstance(step, FeatureUnion):
                 names = _names_of_union(step)
-        X = estimator[:-1].transform(X)
+        X = estimator[:-1].transform(X) if before else X
+        estimator = last
+    if hasattr(estimator, "views_"):
+        affinities = estimator._fitted_affinities(X)
+        return np.stack([*affinities.values()]), [*affinities]
     return read_stacked(X), names
 
 

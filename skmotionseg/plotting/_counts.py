@@ -155,7 +155,7 @@ class CountDisplay:
         Parameters
         ----------
         affinities : array-like of shape (n, n_views * n)
-            Of the views, side by side.
+            Of the views, side by side: symmetric and not negative.
         partitions : array-like of int, shape (n_partitions, n)
             One for each number of motions.
         delta : float, optional
@@ -170,8 +170,8 @@ class CountDisplay:
         Raises
         ------
         ValueError
-            If affinities are not made of square blocks, or partitions do not fit them
-            or have one number of motions twice.
+            If affinities are not made of square, symmetric, finite blocks that are not
+            negative, or partitions do not fit them or have one number of motions twice.
         """
         views = read_stacked(affinities)
         n = views.shape[1]

@@ -12,7 +12,7 @@ from sklearn.pipeline import Pipeline
 from sklearn.utils.validation import check_is_fitted
 
 from .._utils.optional import require
-from .._utils.validation import split_views
+from .._utils.validation import check_symmetric, split_views
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -94,13 +94,28 @@ def read_stacked(affinities: npt.ArrayLike) -> npt.NDArray[np.floating]:
     Raises
     ------
     ValueError
-        If they are of another shape, or empty.
+        If they are of another shape, empty, or none that an estimator takes.
     """
     affinities = np.asarray(affinities, dtype=float)
     shape = affinities.shape
     if len(shape) != 2 or not affinities.size or shape[1] % shape[0]:
         raise ValueError(f"stacked affinities need shape (n, n_views * n); got {shape}")
-    return split_views(affinities, shape[1] // shape[0])
+    views = split_views(affinities, shape[1] // shape[0])
+    check_affinities(views)
+    return views
+
+
+def check_affinities(views: npt.NDArray[np.floating]) -> None:
+    """Refuse affinities (n_views, n, n) that no estimator takes.
+
+    Raises
+    ------
+    ValueError
+        If they are not finite, negative, or not symmetric.
+    """
+    if not np.isfinite(views).all() or views.min() < 0:
+        raise ValueError("affinities must be finite and not negative")
+    check_symmetric(views)
 
 
 def count_motions(labels: npt.ArrayLike) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Self
 
+import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator
 
@@ -141,6 +142,7 @@ class ReportDisplay:
             If there are not two axes, or as :meth:`MotionDisplay.plot` has it.
         """
         plt = require_pyplot()
+        axes = None if axes is None else np.array(axes, dtype=object).ravel()
         if axes is not None and len(axes) != 2:
             raise ValueError(f"a report needs 2 axes; got {len(axes)}")
         motions = MotionDisplay(

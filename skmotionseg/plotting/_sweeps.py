@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import compress
 from numbers import Real
+from pickle import PicklingError
 from typing import TYPE_CHECKING, Any, Self
 
+import joblib
 import numpy as np
 import numpy.typing as npt
 from sklearn.base import BaseEstimator, clone
@@ -458,15 +460,14 @@ class GridDisplay:
         settings, errors = [*compress(cv_results["params"], drawn)], errors[drawn]
         _check_some_score(errors)
         best = settings[int(np.nanargmin(errors))]
-        others = [name for name in best if name not in (x, y)]
-        x_values, y_values = _values_of(settings, x), _values_of(settings, y)
-        grid = np.full((len(y_values), len(x_values)), np.nan)
+        columns, rows = _values_of(settings, x), _values_of(settings, y)
+        grid = np.full((len(rows), len(columns)), np.nan)
         for setting, error in zip(settings, errors, strict=True):
-            if all(setting.get(name) == best[name] for name in others):
-                at = y_values.index(setting[y]), x_values.index(setting[x])
+            if _others(setting, x, y) == _others(best, x, y):
+                at = _position(rows, setting[y]), _position(columns, setting[x])
                 grid[at] = error
         names = {"x_name": _short(x), "y_name": _short(y)}
-        display = cls(grid, x_values, y_values, **names)
+        display = cls(grid, [*columns.values()], [*rows.values()], **names)
         return display.plot(ax=ax, colorbar=colorbar)
 
     def plot(self, *, ax: Axes | None = None, colorbar: bool = True) -> Self:
@@ -549,12 +550,27 @@ def _check_axes_of_grid(settings, x, y):
 
 
 def _values_of(settings, name):
-    """The values of a parameter, in their order in the grid; some cannot be hashed."""
-    values = []
-    for setting in settings:
-        if name in setting and setting[name] not in values:
-            values.append(setting[name])
-    return values
+    """The values of a parameter, by what tells them apart, in the order of the grid."""
+    return {_key(each[name]): each[name] for each in settings if name in each}
+
+
+def _position(values, value):
+    return [*values].index(_key(value))
+
+
+def _others(setting, x, y):
+    """What is held where two parameters are varied: of all others, names and values."""
+    return {name: _key(value) for name, value in setting.items() if name not in (x, y)}
+
+
+def _key(value):
+    """What only equal values share, arrays as well; True is not 1, but 1.0 is."""
+    if isinstance(value, Real) and not isinstance(value, bool):
+        return value
+    try:
+        return joblib.hash(value)
+    except (PicklingError, AttributeError, TypeError):  # as of a lambda
+        return type(value), id(value)
 
 
 def _short(name):

@@ -13,7 +13,7 @@ from sklearn.base import BaseEstimator
 from .._core.geometry.tracks import unpack_tracks
 from .._utils.colours import motion_colour
 from .._utils.optional import require
-from .._utils.validation import check_label_each
+from .._utils.validation import check_frames, check_label_each
 from ._drawing import (
     figure_and_ax,
     last_step,
@@ -59,7 +59,8 @@ def plot_motions(
     ImportError
         If matplotlib is missing.
     ValueError
-        If there is not one label per track, or ``frames`` are not two of the clip.
+        If the tracks have no frame, there is not one label per track, or ``frames`` are
+        not two of the clip.
 
     Examples
     --------
@@ -72,6 +73,7 @@ def plot_motions(
     """
     plt = require("matplotlib.pyplot", extra="plot")
     points, visibility = unpack_tracks(X)
+    check_frames(X, points)
     labels = check_label_each(labels, len(points))
     first, second = _two_frames(frames, visibility)
     shared = visibility[:, first] & visibility[:, second]
@@ -318,6 +320,7 @@ class MotionDisplay:
     def _read(self):
         """Points, visibility, labels, number of the frame and image, all checked."""
         points, visibility = unpack_tracks(self.X)
+        check_frames(self.X, points)
         labels = check_label_each(self.labels, len(points))
         frame = _check_frame(self.frame, visibility)
         image = _check_image(self.image)

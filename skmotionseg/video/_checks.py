@@ -15,15 +15,6 @@ def check_number(name, value, kind, least):
         raise error(f"{name} must be {noun} of {least} or more; got {value!r}")
 
 
-def check_frames(X, points):
-    """Refuse tracks (n_tracks, n_frames, 2) that have no frame."""
-    if not points.shape[1]:
-        raise ValueError(
-            "tracks need two columns per frame, of one frame or more; got an array of "
-            f"shape {np.shape(X)}"
-        )
-
-
 def check_fps(fps):
     if fps is None:
         return

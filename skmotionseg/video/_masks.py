@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from .._core.geometry.tracks import tracks_by_frame, unpack_tracks
 from .._utils.optional import require
-from .._utils.validation import check_label_each
-from ._checks import check_frames, check_number, make_reporter
+from .._utils.validation import check_frames, check_label_each
+from ._checks import check_number, make_reporter
 from ._evidence import (
     LOOK_WORTH,
     MOST_LOOK,

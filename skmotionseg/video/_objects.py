@@ -12,8 +12,8 @@ from .._core.geometry.tracks import shots, tracks_by_frame, unpack_tracks
 from .._core.labels import canonical_labels
 from .._core.partition.moving_parts import moving_parts
 from .._core.partition.scene import background_motion, moving_objects, ranked
-from .._utils.validation import check_label_each
-from ._checks import check_frames, check_number
+from .._utils.validation import check_frames, check_label_each
+from ._checks import check_number
 from ._frames import Progress, Source, open_frames
 from ._recognition import known_again
 

@@ -19,9 +19,9 @@ from .._core.geometry.tracks import unpack_tracks
 from .._utils.colours import COLOURS, OUTLIER_COLOUR, SHADES, motion_colour
 from .._utils.optional import require
 from .._utils.png import encode_grey
-from .._utils.validation import check_label_each
+from .._utils.validation import check_frames, check_label_each
 from .._utils.writing import check_output, replacing
-from ._checks import check_frames, make_reporter
+from ._checks import make_reporter
 from ._frames import Progress, Source, first_frames, open_frames
 from ._rendering import DEFAULT_FPS, with_masks
 

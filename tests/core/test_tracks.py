@@ -101,7 +101,7 @@ def test_visibility_is_boolean_or_zeros_and_ones(visibility):
 
 @pytest.mark.parametrize(
     ("given", "packed"),
-    [("f4", "f4"), ("f8", "f8"), ("i4", "f8"), ("i8", "f8")],
+    [("f2", "f4"), ("f4", "f4"), ("f8", "f8"), ("g", "f8"), ("i4", "f8"), ("i8", "f8")],
 )
 def test_tracks_are_double_and_float32_stays(given, packed):
     X = pack_tracks(np.ones((3, 2, 2), dtype=given))

@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from matplotlib.colors import to_hex, to_rgb
 from numpy.testing import assert_allclose, assert_array_equal
@@ -17,8 +18,10 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.metrics import make_scorer
 from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import FunctionTransformer
 
+from benchmarks.static_scenes import shaken
 from skmotionseg import (
     MotionModel,
     MotionSegmenter,
@@ -26,7 +29,9 @@ from skmotionseg import (
     NCREModelSelector,
     PerSequence,
     make_motion_pipeline,
+    pack_tracks,
     plotting,
+    unpack_tracks,
 )
 from skmotionseg._core.graph.cuts import reconstruction_error
 from skmotionseg._utils.colours import OUTLIER_COLOUR, motion_colour
@@ -253,6 +258,41 @@ def test_affinities_of_landmarks_are_drawn_alone(small):
     assert_array_equal(display.labels, segmenter.labels_[segmenter.landmarks_])
 
 
+def test_affinities_are_those_of_tracks_without_a_rolling_shutter():
+    X, _ = shaken(0.7, n_moving=30, seed=1)
+    segmenter = MotionSegmenter(2, n_hypotheses=50, n_landmarks=60, random_state=0)
+    segmenter.fit(X)
+    assert segmenter.readout_.any()
+    points = segmenter._shutter.at_once(*unpack_tracks(X))
+    fitted = pack_tracks(points[segmenter.landmarks_])
+    display = AffinityDisplay.from_estimator(segmenter, X)
+    for affinity, (sampler, kernel) in zip(
+        display.affinities, segmenter.views_.values(), strict=True
+    ):
+        assert_array_equal(affinity, kernel.transform(sampler.transform(fitted)))
+
+
+def test_affinities_are_drawn_of_whatever_was_fitted(small):
+    """Masked arrays and data frames, clips with an empty frame, and last in a pipeline.
+
+    A step before the segmenter gives it other tracks than the pipeline has.
+    """
+    X, *_ = small
+    X = np.hstack([X[:, :6], np.full((60, 2), np.nan), X[:, 6:]])
+    segmenter = MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X)
+    expected = AffinityDisplay.from_estimator(segmenter, X).affinities
+    masked = np.ma.masked_array(np.nan_to_num(X, nan=-1), np.isnan(X))
+    for given in (masked, pd.DataFrame(X).astype("Float64")):
+        shown = AffinityDisplay.from_estimator(segmenter, given)
+        assert_array_equal(shown.affinities, expected)
+    halved = FunctionTransformer(lambda tracks: tracks / 2)
+    for steps, factor in (([segmenter], 1), ([halved, segmenter], 2)):
+        pipeline = make_pipeline(*steps)
+        shown = AffinityDisplay.from_estimator(pipeline, factor * X)
+        assert_array_equal(shown.affinities, expected)
+        assert [ax.get_title() for ax in shown.axes_[:, 0]] == list(MODELS)
+
+
 def test_steps_of_a_pipeline_are_seeded(small):
     X, y, _ = small
     pipeline = make_motion_pipeline(n_clusters=2, n_hypotheses=50)
@@ -423,6 +463,14 @@ def test_report_axes_that_are_given_are_used():
     assert (display.motions_.ax_, display.counts_.ax_) == tuple(axes)
     assert display.figure_ is figure
     assert plt.get_fignums() == [figure.number]
+
+
+def test_report_axes_are_an_array_whatever_was_given():
+    display = DISPLAYS["ReportDisplay"]
+    _, axes = plt.subplots(1, 2, squeeze=False)
+    for given in (None, [*axes[0]], axes):
+        assert display.plot(axes=given).axes_.shape == (2,)
+    assert display.axes_.tolist() == [*axes[0]]
 
 
 # ----------------------------------------------------------------------------- errors
@@ -597,6 +645,26 @@ def test_other_parameters_are_held_at_the_best_setting():
         GridDisplay.from_cv_results({**results, "mean_test_score": np.nan * scores})
 
 
+def test_settings_with_a_parameter_that_the_best_one_lacks_are_no_others_of_it():
+    settings = [{"a": 1, "b": b, **c} for c in ({}, {"c": 5}) for b in (1, 2)]
+    results = {"params": settings, "mean_test_score": [0.9, 0.8, 0.5, 0.4]}
+    display = GridDisplay.from_cv_results(results, x="a", y="b")
+    assert_allclose(display.errors, [[0.1], [0.2]])
+
+
+def test_values_of_a_grid_are_told_apart_whatever_they_are():
+    """Arrays and functions without a name; True is not 1, but 1.0 is."""
+    starts = np.zeros(2), np.ones(2)
+    functions = (lambda views: views[0]), (lambda views: views[1])
+    for values in (starts, functions, (True, 1), ((True,), (1,)), (None, "None")):
+        settings = [{"a": a, "b": b} for a in values for b in (1, 2.0)]
+        settings.append({"a": values[0], "b": 2})
+        results = {"params": settings, "mean_test_score": [0.9, 0.8, 0.5, 0.4, 0.7]}
+        display = GridDisplay.from_cv_results(results)
+        assert_allclose(display.errors, [[0.1, 0.5], [0.3, 0.6]])
+        assert all(a is b for a, b in zip(display.x_values, values, strict=True))
+
+
 def test_the_grid_is_that_of_the_search(search):
     display = GridDisplay.from_estimator(
         search, x="estimator__delta", y="estimator__models"
@@ -724,6 +792,16 @@ def case(name, call, words, error=ValueError):
     ("call", "words", "error"),
     [
         case(
+            "motions, no frame",
+            lambda: MotionDisplay.from_predictions(X0[:, :0], Y0),
+            r"two columns per frame, of one frame or more; got .* shape \(20, 0\)",
+        ),
+        case(
+            "two frames, no frame",
+            lambda: plotting.plot_motions(X0[:, :0], Y0),
+            r"two columns per frame, of one frame or more; got .* shape \(20, 0\)",
+        ),
+        case(
             "motions, lengths",
             lambda: MotionDisplay.from_predictions(X0, Y0[:-1]),
             r"20 tracks need one label each; got labels of shape \(19,\)",
@@ -782,6 +860,11 @@ def case(name, call, words, error=ValueError):
             "finite and not negative",
         ),
         case(
+            "affinities, not symmetric",
+            lambda: AffinityDisplay.from_predictions([np.triu(K)], [Y]),
+            "affinities need to be symmetric; entries of view 0 differ",
+        ),
+        case(
             "affinities, partition",
             lambda: AffinityDisplay.from_predictions([K], [Y[:-1]]),
             r"7 tracks need one label each; got a partition of shape \(6,\)",
@@ -807,6 +890,13 @@ def case(name, call, words, error=ValueError):
                 MultiModelSpectralClustering().fit(STACKED), X0
             ),
             "the estimator was fitted to 7 rows; got 20",
+        ),
+        case(
+            "affinities, other tracks",
+            lambda: AffinityDisplay.from_estimator(
+                MotionSegmenter(2, n_hypotheses=50, random_state=0).fit(X0), X0[::-1]
+            ),
+            "a display needs the tracks that were fitted, in their order",
         ),
         case(
             "affinities, other columns",
@@ -857,6 +947,21 @@ def case(name, call, words, error=ValueError):
             "counts, affinities",
             lambda: CountDisplay.from_predictions(STACKED[1:], [Y[1:]]),
             r"stacked affinities need shape \(n, n_views \* n\); got \(6, 14\)",
+        ),
+        case(
+            "counts, negative",
+            lambda: CountDisplay.from_predictions(-STACKED, [Y]),
+            "affinities must be finite and not negative",
+        ),
+        case(
+            "counts, not numbers",
+            lambda: CountDisplay.from_predictions(np.nan * STACKED, [Y]),
+            "affinities must be finite and not negative",
+        ),
+        case(
+            "counts, not symmetric",
+            lambda: CountDisplay.from_predictions(np.hstack([K, np.triu(K)]), [Y]),
+            "affinities need to be symmetric; entries of view 1 differ",
         ),
         case(
             "counts, no affinities",

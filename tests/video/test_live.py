@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import pkgutil
 import signal
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -81,6 +83,18 @@ def test_a_file_is_played_as_if_it_were_a_camera(file, tmp_path, capsys):
     capture = cv2.VideoCapture(str(picture))
     assert capture.get(cv2.CAP_PROP_FRAME_COUNT) == N_FRAMES
     assert round(capture.get(cv2.CAP_PROP_FPS)) == 20
+
+
+@pytest.mark.slow
+def test_no_codec_is_heard_of(file, tmp_path):
+    """FFmpeg asks but once, when a video is first opened, whether it is to be quiet."""
+    options = ["--no-window", "--max-frames", "2", "--render", str(tmp_path / "a.mp4")]
+    command = [sys.executable, "-m", "skmotionseg", "segment", "--live", str(file)]
+    quiet = {k: v for k, v in os.environ.items() if not k.startswith("OPENCV_")}
+    ended = subprocess.run(
+        command + options, env=quiet, capture_output=True, text=True, check=True
+    )
+    assert ended.stderr == ""
 
 
 class Screen:

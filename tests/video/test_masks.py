@@ -484,6 +484,7 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     assert (code, without_progress(printed.err)) == (0, "")
     assert re.search(r"moving objects +│ +1 │", printed.out)
     assert re.search(r"object 1 │ +\d+ │ 6 of 6 │ ● #d55e00", printed.out)
+    assert printed.out.count(" colour ") == 1  # of objects, which pictures show
     whole, *parts = reversed(re.findall(r"seconds (\w+) +│ +([0-9.]+)", printed.out))
     assert [name for name, _ in parts[:5]] == [
         "viewer",

@@ -550,6 +550,19 @@ def test_a_sheet_of_tiny_frames_is_enlarged(tmp_path):
     assert (left[:20] != left[-1, -1]).any(axis=(1, 2)).sum() > 5  # its caption
 
 
+def test_captions_have_an_outline_that_fits(tmp_path):
+    """What is dark is beside something light, and what is light beside what is dark."""
+    frames = np.full((1, 120, 200), 100, dtype=np.uint8)
+    render_segmentation(frames, [[150, 100]], [1], tmp_path / "sheet.png")
+    caption = cv2.imread(str(tmp_path / "sheet.png"))[:40, :100].mean(axis=2)
+    pale = caption[-1, -1]
+    light, dark = (caption > pale).astype(np.uint8), (caption < pale).astype(np.uint8)
+    assert light.sum() > 30
+    for inside, around in ((light, dark), (dark, light)):
+        near = cv2.dilate(around, np.ones((5, 5), np.uint8))
+        assert (near >= inside).all()
+
+
 def test_trails_go_back(tmp_path):
     frames = np.full((2, 60, 80), 200, dtype=np.uint8)
     X = [[20, 40, 50, 40]]
@@ -680,7 +693,9 @@ def test_segment_takes_a_video(clip, tmp_path, capsys, monkeypatch, ending, pict
     assert (written.target[background] == 0).mean() > 0.9
     for motion in (0, 1):
         n = (written.target == motion).sum()
-        row = rf"│ +{motion} │ +{n} │ +{n / len(points):.1%} │ +12 of 12 │ ● "
+        row = rf"│ +{motion} │ +{n} │ +{n / len(points):.1%} │ +12 of 12 │ \w+ +│"
+        assert re.search(row, printed)  # without a colour, as objects have those drawn
+        row = rf"(static scene|object) {motion} │ +\d+ │ +12 of 12 │ ● "
         assert re.search(row + COLOURS[motion], printed)
     assert "tracking: 12 of 12 done" in errors
     assert "rendering: 12 of 12 done" in errors

@@ -129,11 +129,13 @@ def pack_tracks(
 
 
 def _as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.floating]:
-    """A floating-point copy, NaN where a masked array is masked."""
+    """A copy in float32 where that is exact, else float64; NaN where it is masked."""
     values = as_array(values)
     if values.dtype.kind not in "fiub":
         raise TypeError(f"{name} must be real numbers; got dtype {values.dtype}")
-    numbers = np.array(values, dtype=np.result_type(values.dtype, np.float32))
+    is_exact = np.can_cast(values.dtype, np.float32)
+    dtype: type[np.floating] = np.float32 if is_exact else np.float64
+    numbers = np.array(values, dtype=dtype)
     numbers[np.ma.getmaskarray(values)] = np.nan
     return numbers
 
