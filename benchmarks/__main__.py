@@ -52,7 +52,7 @@ def sections_of_speed(page):
             growth.draw_growth(at_scale(record), path)
         except ValueError as error:
             return f"(no picture yet: {error})"
-        return "![Seconds and memory against tracks and frames](images/growth.png)"
+        return growth.SHOWN
 
     return {
         "sequences": lambda r: report.figures(on_sequences(r), table.COLUMNS),

@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks import (
+    growth,
     online_bench,
     reliability,
     report,
@@ -77,7 +78,6 @@ MEASURED = {
     "streams": online_bench.COLUMNS,
     "wrong_tracks": wrong_tracks.COLUMNS,
 }
-GROWTH = "![Seconds and memory against tracks and frames](images/growth.png)"
 
 
 # ------------------------------------------------------------------------------- cells
@@ -393,7 +393,7 @@ def pages():
         "docs/method.md": {"comparison": comparison_table},
     }
     # Drawn by python -m benchmarks --write docs/speed.md.
-    picture = {"growth": lambda _: GROWTH}
+    picture = {"growth": lambda _: growth.SHOWN}
     speed = {
         "README.md": {"time": speed_sentence},
         "docs/results.md": {"time": speed_sentence, "dense": dense_table},

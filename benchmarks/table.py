@@ -58,7 +58,7 @@ COLUMNS = {
     "error %": report.number("error", "{:.2f}"),
     "count right %": report.number("count_right", "{:.0f}"),
     "peak MB": report.megabytes,
-    "seconds x": report.number("seconds_growth", "{:.2f}"),
+    "CPU s x": report.number("cpu_growth", "{:.2f}"),
     "peak x": report.number("peak_growth", "{:.2f}"),
     "version": report.version,
 }
@@ -210,7 +210,7 @@ def _scale_rows(scene, sizes, repeats, n_jobs):
             "peak": measured["peak"],
         }
         if last:
-            row["seconds_growth"] = row["seconds"][0] / last["seconds"][0]
+            row["cpu_growth"] = row["cpu_seconds"] / last["cpu_seconds"]
             row["peak_growth"] = row["peak"] / last["peak"]
         yield (last := row)
     show_progress("")

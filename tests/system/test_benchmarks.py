@@ -149,7 +149,7 @@ def test_table_has_rows_of_sequences_and_of_sizes(monkeypatch, clips, capsys, tm
     assert all(row in printed for row in record)
     assert record["clips-plain-known"]["plain_ratio"] == 1
     assert record["clips-coreg-known"]["plain_ratio"] > 0
-    assert record["tracks-38"]["seconds_growth"] > 0
+    assert record["tracks-38"]["cpu_growth"] > 0
     assert all(row["cpu_seconds"] > 0 for row in record.values())
 
 
@@ -158,7 +158,7 @@ def test_growth_is_drawn_of_two_sizes_or_more(tmp_path):
         {
             "n_tracks": n,
             "n_frames": n,
-            "seconds": [n, n, n],
+            "cpu_seconds": n,
             "peak": n,
             "row": f"{s}-{n}",
         }
