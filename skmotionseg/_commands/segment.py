@@ -74,8 +74,9 @@ OPTIONS: dict[str, dict[str, Any]] = {
     },
     "--render": {
         "type": Path,
-        "help": "draw the motions: .png; for videos .mp4, or .png for a contact sheet "
-        "of frames",
+        "help": "draw the motions of a track file: .png, .pdf, .svg or .jpg; or the "
+        "moving objects of a video: .mp4, or .png for a contact sheet of frames. With "
+        "--live, the motions: .mp4",
     },
     "--report": {
         "type": Path,
