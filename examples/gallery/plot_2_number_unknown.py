@@ -47,6 +47,6 @@ ax.plot(segmenter.counts_, segmenter.costs_[:, 2], "o-", color="black", label="t
 ax.plot(segmenter.counts_, second, "s--", color="#0072b2", label=names[1])
 ax.plot(segmenter.counts_, first, "^:", color="#d55e00", label=names[0])
 ax.axvline(segmenter.n_motions_, color="0.8", lw=8, zorder=0, label="chosen")
-ax.set(xlabel="number of motions", ylabel="nats")
+ax.set(xlabel="number of motions", ylabel="cost")
 ax.legend(frameon=False)
 plt.show()
