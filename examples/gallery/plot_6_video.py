@@ -18,6 +18,7 @@ import numpy as np
 from sklearn.datasets import load_sample_image
 
 from skmotionseg import MotionSegmenter
+from skmotionseg.preprocessing import select_long_tracks
 from skmotionseg.video import render_segmentation, track_video
 
 WIDTH, HEIGHT = 384, 256
@@ -49,14 +50,18 @@ for f in range(14):
     frames.append(np.uint8(frame * (1 - 0.015 * f))[..., ::-1])  # BGR, as OpenCV
 
 # %%
-# The tracks have the form that the estimators take.
+# The tracks have the form that the estimators take. Short ones say little: as
+# ``skmotionseg segment`` does, keep those that are seen in an eighth of the frames, and
+# in at least five. No track needs to be seen in more than ten.
 
 video = track_video(frames)
+shortest = np.clip(video.n_frames // 8, 5, 10)
+tracks = video.tracks[select_long_tracks(video.tracks, shortest)]
 print(
-    f"{len(video.tracks)} tracks in {video.n_frames} frames of "
+    f"{len(tracks)} tracks in {video.n_frames} frames of "
     f"{video.width} x {video.height} pixels"
 )
-segmenter = MotionSegmenter(random_state=0).fit(video.tracks)
+segmenter = MotionSegmenter(random_state=0).fit(tracks)
 explained = segmenter.labels_[segmenter.labels_ >= 0]
 print(f"{segmenter.n_motions_} motions of {np.bincount(explained)} tracks")
 
@@ -66,7 +71,7 @@ print(f"{segmenter.n_motions_} motions of {np.bincount(explained)} tracks")
 
 with tempfile.TemporaryDirectory() as folder:
     sheet = Path(folder, "motions.png")
-    render_segmentation(frames, video.tracks, segmenter.labels_, sheet)
+    render_segmentation(frames, tracks, segmenter.labels_, sheet)
     picture = plt.imread(sheet)
 
 figure, ax = plt.subplots(figsize=(9, 6), layout="constrained")
