@@ -22,8 +22,10 @@ one, on one of that layout with a synthetic scene::
     python examples/tapir.py tapir.npz
     python examples/tapir.py
 
-Mind that TAPIR's tracks are in pixels of the video as it was resized for it: scale
-them to the video's own size first if its shape changed.
+Mind that TAPIR's tracks are in pixels of the video as it was resized for it, often to
+256 x 256. TAPIR's demos scale them to the video's own size; otherwise do so first::
+
+    tracks = np.asarray(outputs["tracks"]) * [width / 256, height / 256]
 """
 
 from __future__ import annotations
