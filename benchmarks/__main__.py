@@ -60,12 +60,12 @@ def compared_with_0_1_0(record):
     longest = rows["frames-2000"]
     return (
         "**`MotionSegmenter()` is slower than in 0.1.0.** Seconds of two machines say "
-        "little, the ratio to the plain version says more: with the number of motions "
-        f"known it was {known}; with the number unknown it was {unknown}. That is what "
-        "rigid motion over many frames costs; the errors on these clips went "
-        f"{errors}. In the video of {longest['n_frames']:,} frames, where "
-        f"{ERROR_OF_LONGEST} % of the tracks were wrong, {longest['error']:.1f} % are "
-        "now."
+        "little, the ratio to the plain version says more (now of CPU seconds): with "
+        f"the number of motions known it was {known}; with the number unknown it was "
+        f"{unknown}. That is what rigid motion over many frames costs; the errors on "
+        f"these clips went {errors}. In the video of {longest['n_frames']:,} frames, "
+        f"where {ERROR_OF_LONGEST} % of the tracks were wrong, {longest['error']:.1f} "
+        "% are now."
     )
 
 
