@@ -22,6 +22,7 @@ from ._parallel.threads import single_threaded
 from ._utils.validation import (
     N_JOBS,
     check_n_groups,
+    forget_fit,
     read_affinities,
     read_matrix,
     split_views,
@@ -85,11 +86,11 @@ default="kernel_addition"
         label, so there are fewer labels than clusters if fewer tracks differ.
     view_embeddings_ : ndarray of shape (n_views, n, n_clusters)
         Each view's own embedding after fusion; zero rows for tracks labelled -1.
-    objective_ : ndarray of shape (``n_iter_``,)
-        The objective for separate views, and after each iteration; empty for a
-        callable.
+    objective_ : ndarray of shape (``n_iter_ + 1``,)
+        The objective for separate views, and after each iteration. If the solution is
+        direct, the objective of it alone; empty for a callable.
     n_iter_ : int
-        1 if the solution is direct.
+        Iterations over the views; 1 if the solution is direct.
     n_views_ : int
     n_features_in_ : int
 
@@ -181,12 +182,16 @@ default="kernel_addition"
             an affinity to another.
         """
         check_fusion(self.fusion)
+        forget_fit(self)
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(
             views, self.n_clusters, thread_map(self.n_jobs)
         )
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "n_iter_")
 
     def _fuse(self):
         """The fusion with its weights, as a function of a graph."""
@@ -215,7 +220,7 @@ default="kernel_addition"
         self.view_embeddings_ = np.zeros((self.n_views_, n, self.n_clusters))
         self.view_embeddings_[:, connected] = fused.embeddings
         self.objective_ = fused.objective
-        self.n_iter_ = max(1, len(fused.objective))
+        self.n_iter_ = max(1, len(fused.objective) - 1)
         self._degrees = np.zeros((self.n_views_, n))
         self._degrees[:, connected] = graph.degrees
         self._shrinkage = np.sum(

@@ -27,7 +27,7 @@ from ._core.graph.residual_kernel import (
 )
 from ._parallel.threads import single_threaded
 from ._utils.residuals import sent_group_size
-from ._utils.validation import read_matrix
+from ._utils.validation import forget_fit, read_matrix
 
 __all__ = ["ORKKernel"]
 
@@ -248,7 +248,12 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     def _n_top(self):
         return max(1, round(self.top * self.n_hypotheses_))
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "thresholds_")
+
     def _read_preferences(self, X, *, reset):
+        if reset:
+            forget_fit(self)
         sent = sent_group_size(X)
         X = read_matrix(
             self,

@@ -28,6 +28,7 @@ from ._parallel.threads import single_threaded
 from ._utils.validation import (
     check_estimator_parameters,
     check_n_groups,
+    forget_fit,
     read_affinities,
     read_matrix,
 )
@@ -121,6 +122,7 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         """
         check_estimator_parameters(self.clusterer)
         fewest, most = self._range_of_counts()
+        forget_fit(self)
         views = read_affinities(self, X)
         graph = ViewGraph.from_affinities(
             views,
@@ -135,17 +137,34 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
             [_labels_of_connected(c.labels_, graph.connected) for c in candidates]
         )
         self.costs_ = self._costs_of_counts(views, graph)
+        kept = self._keep_one_of_each_count()
         self.best_index_ = self._choose(self.costs_[:, 2])
-        self.clusterer_ = candidates[self.best_index_]
+        self.clusterer_ = candidates[kept[self.best_index_]]
         self.labels_ = self.candidate_labels_[self.best_index_]
         self.n_clusters_ = int(self.labels_.max()) + 1
         self.cost_names_, self.cost_weights_ = self._cost_names, self._cost_weights
         self.cost_tolerance_ = self._cost_tolerance
         return self
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "cost_tolerance_")
+
     @property
     def _cost_weights(self):
         return (1, -1)
+
+    def _keep_one_of_each_count(self):
+        """Leave one partition into each count, that of least cost; give which.
+
+        Where fewer rows differ than clusters are asked for, there are fewer clusters.
+        """
+        found = self.candidate_labels_.max(axis=1) + 1
+        order = np.lexsort((self.costs_[:, 2], found))  # the first of equals
+        counts, first = np.unique(found[order], return_index=True)
+        kept = order[first]
+        self.counts_, self.costs_ = counts, self.costs_[kept]
+        self.candidate_labels_ = self.candidate_labels_[kept]
+        return kept
 
     def _range_of_counts(self):
         """The fewest and the most clusters that are asked for."""
@@ -212,14 +231,20 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         Returns
         -------
         ndarray of int, shape (m,)
+            -1 for rows without affinity to any row that is in a cluster.
         """
         check_is_fitted(self)
         # The clusterer was fitted to views that had no names of columns.
         X = read_matrix(self, X, reset=False, dtype=np.float64)
         labels = self.clusterer_.predict(X)
         # The clusterer's own numbers of the groups, as ours.
-        ours = dict(zip(self.clusterer_.labels_, self.labels_, strict=True))
-        return np.array([ours.get(label, -1) for label in labels], dtype=int)
+        known = self.labels_ >= 0
+        ours = dict(
+            zip(self.clusterer_.labels_[known], self.labels_[known], strict=True)
+        )
+        placed = np.array([ours.get(label, -1) for label in labels], dtype=int)
+        linked = (X.reshape(len(X), -1, len(known))[..., known] > 0).any(axis=(1, 2))
+        return np.where(linked, placed, -1)
 
 
 class NCREModelSelector(CountSelector):
@@ -257,7 +282,8 @@ class NCREModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts that were tried.
+        The counts of which a partition was found, ascending: fewer than were tried if
+        so few rows differ.
     costs_ : ndarray of shape (n_counts, 3)
         Normalised cut, reconstruction error and total, for each count.
     candidate_labels_ : ndarray of int, shape (n_counts, n)
@@ -370,7 +396,8 @@ class EigengapModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts that were tried.
+        The counts of which a partition was found, ascending: fewer than were tried if
+        so few rows differ.
     costs_ : ndarray of shape (n_counts, 3)
         For each count k, the k-th eigenvalue, the next one (the same one if there is
         none), and their difference.
@@ -451,7 +478,8 @@ class SelfTuningModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts that were tried.
+        The counts of which a partition was found, ascending: fewer than were tried if
+        so few rows differ.
     costs_ : ndarray of shape (n_counts, 3)
         For each count C, with ``Z`` the n rotated rows,
         ``sum_ij Z_ij^2 / max_j Z_ij^2 / (n C)``, its least value ``1 / C``, and the

@@ -9,6 +9,7 @@ from typing import Any, Self
 import numpy as np
 import numpy.typing as npt
 from joblib import Memory
+from sklearn.base import clone
 from sklearn.pipeline import FeatureUnion, Pipeline
 from sklearn.utils import check_random_state
 
@@ -22,7 +23,7 @@ from ._segmenter.views import (
     view_seeds,
 )
 from ._utils.caching import check_cacheable
-from ._utils.validation import N_JOBS, check_estimator_parameters
+from ._utils.validation import N_JOBS, check_estimator_parameters, unmasked
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing, NCREModelSelector
@@ -140,9 +141,9 @@ class ModelUnion(FeatureUnion):
         return union
 
     def _keep(self, union: FeatureUnion) -> None:
-        """Take over the views that were fitted."""
+        """Take over the views that were fitted; forget earlier fits of the others."""
         self.transformer_list[:] = [
-            (name, view if fitted == "drop" else fitted)
+            (name, clone(view, safe=False) if fitted == "drop" else fitted)
             for (name, view), (_, fitted) in zip(
                 self.transformer_list, union.transformer_list, strict=True
             )
@@ -168,7 +169,7 @@ class ModelUnion(FeatureUnion):
         ValueError
             If ``models`` are none of the union, or no view is left.
         """
-        union = self._to_fit().fit(X, y, **fit_params)
+        union = self._to_fit().fit(unmasked(X), y, **fit_params)
         self._keep(union)
         return self
 
@@ -190,7 +191,7 @@ class ModelUnion(FeatureUnion):
             The views side by side.
         """
         union = self._to_fit()
-        affinities = union.fit_transform(X, y, **params)
+        affinities = union.fit_transform(unmasked(X), y, **params)
         self._keep(union)
         return affinities
 
@@ -207,7 +208,7 @@ class ModelUnion(FeatureUnion):
         -------
         ndarray of shape (n, n_views * n_tracks)
         """
-        return self._chosen().transform(X, **params)
+        return self._chosen().transform(unmasked(X), **params)
 
     def get_feature_names_out(
         self, input_features: npt.ArrayLike | None = None
@@ -228,11 +229,25 @@ class ModelUnion(FeatureUnion):
     @property
     def n_features_in_(self) -> int:
         """Two columns per frame."""
-        fitted = [view for _, view in self._chosen().transformer_list if view != "drop"]
-        return fitted[0].n_features_in_
+        return self._first_view().n_features_in_
+
+    @property
+    def feature_names_in_(self) -> npt.NDArray[np.object_]:
+        """Names of the columns, where the tracks that were fitted had some."""
+        return self._first_view().feature_names_in_
+
+    def _first_view(self):
+        """The first of the views that take part."""
+        try:
+            chosen = self._to_fit().transformer_list
+        except ValueError as error:  # which hasattr would not take for an answer
+            raise AttributeError(str(error)) from error
+        return next(view for _, view in chosen if view != "drop")
 
     def __sklearn_is_fitted__(self) -> bool:
-        return self._chosen().__sklearn_is_fitted__()
+        return hasattr(self, "n_features_in_") and (
+            self._chosen().__sklearn_is_fitted__()
+        )
 
 
 def _names_of(models):

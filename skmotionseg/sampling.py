@@ -21,7 +21,7 @@ from ._core.geometry.motion_models import MotionModel, get_motion_model
 from ._core.geometry.tracks import frame_pairs, unpack_tracks, working_coordinates
 from ._parallel.threads import single_threaded
 from ._utils.residuals import Residuals, column_names
-from ._utils.validation import TooFewTracksError, TracksInput
+from ._utils.validation import TooFewTracksError, TracksInput, forget_fit
 
 __all__ = ["HypothesisSampler"]
 
@@ -121,7 +121,11 @@ default="homography"
             If there are too few frames for ``frame_gap``, or no frame pair in which
             as many tracks are seen as the model needs.
         """
+        forget_fit(self)
         return self._fit(*unpack_tracks(self._read_tracks(X, reset=True)))
+
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "hypotheses_")
 
     def _fit(self, points, visibility, pairs=None):
         """Draw hypotheses for tracks that were read, in those pairs if given."""

@@ -65,6 +65,7 @@ from ._utils.validation import (
     TracksInput,
     are_shares,
     check_estimator_parameters,
+    forget_fit,
 )
 from ._utils.warning import warn_user
 from .cluster import MultiModelSpectralClustering
@@ -73,9 +74,8 @@ from .model_selection import Fusing
 
 __all__ = ["MotionSegmenter"]
 
-# What a fit keeps beside its fitted attributes, and those that are of its input alone.
+# What a fit keeps beside its fitted attributes.
 OWN_STATE = ("_frames", "_known", "_explanation", "_shutter")
-OF_INPUT = ("n_features_in_", "feature_names_in_")
 # Restarts of k-means for each of many candidates; a single partition gets more.
 SEARCH_RESTARTS = 8
 
@@ -442,6 +442,7 @@ estimator, default="description_length"
         """
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
+        forget_fit(self, OWN_STATE)
         tracks = self._read_tracks(X, reset=True)
         if are_shares(tracks):
             warn_user(
@@ -449,7 +450,6 @@ estimator, default="description_length"
                 "they are not pixels, in which noise is measured: if they are shares "
                 "of the image's size, multiply them by its width and height",
             )
-        self._forget()
         self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:
             clip = LongClip(tracks, self.frame_gap + 1)
@@ -520,12 +520,6 @@ estimator, default="description_length"
         self._known = dict(zip(digests, found.labels.tolist(), strict=True))
         self.stage_seconds_ = clock.with_total()
         return self
-
-    def _forget(self):
-        """Remove what another fit has found, of which this one may set less."""
-        for name in [*vars(self)]:
-            if name in OWN_STATE or (name.endswith("_") and name not in OF_INPUT):
-                delattr(self, name)
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "labels_")

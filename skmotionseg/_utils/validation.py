@@ -165,6 +165,22 @@ def check_instance(estimator):
         raise TypeError(f"an estimator is needed, such as {name}(); got its class")
 
 
+def forget_fit(estimator, private=()):
+    """Remove what a fit has found, before another begins.
+
+    That may set less, and one that fails must not leave some of either.
+
+    Parameters
+    ----------
+    estimator : estimator
+    private : sequence of str
+        What a fit keeps beside attributes that end in an underscore.
+    """
+    for name in [*vars(estimator)]:
+        if name in private or (name.endswith("_") and not name.startswith("_")):
+            delattr(estimator, name)
+
+
 def read_matrix(estimator, X, **checks):
     """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
 

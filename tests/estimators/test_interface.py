@@ -11,7 +11,8 @@ import pandas as pd
 import pytest
 from helpers.own_models import SHIFT
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.base import BaseEstimator, ClusterMixin
+from sklearn.base import BaseEstimator, ClusterMixin, clone
+from sklearn.exceptions import NotFittedError
 from sklearn.metrics import adjusted_rand_score, get_scorer, make_scorer
 from sklearn.model_selection import (
     GridSearchCV,
@@ -36,6 +37,7 @@ from skmotionseg import (
 )
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import misclassification_error, sequence_scorer
+from skmotionseg.pipelines import ModelUnion
 from skmotionseg.plotting import CountDisplay
 
 SMALL = {"n_hypotheses": 50, "random_state": 0}
@@ -240,6 +242,88 @@ def test_a_union_needs_a_view(dropped, tracks):
             ValueError, match=r"at least one view; of .*all are dropped"
         ):
             fit(tracks[0])
+
+
+def union_of_two():
+    return ModelUnion(
+        [
+            (name, make_pipeline(HypothesisSampler(name, **SMALL), ORKKernel()))
+            for name in ("affine", "homography")
+        ]
+    )
+
+
+def test_a_union_forgets_views_that_did_not_take_part(tracks):
+    X, _ = tracks
+    union = union_of_two().fit(X).set_params(models=("affine",)).fit(X[:30])
+    assert union.transform(X).shape == (60, 30)
+    with pytest.raises(NotFittedError):
+        union.set_params(models=None).transform(X)
+
+
+def test_a_union_has_the_names_of_the_columns_of_its_last_fit(tracks):
+    X, _ = tracks
+    first = pd.DataFrame(X).add_prefix("first ")
+    union = union_of_two().fit(first)
+    assert_array_equal(union.feature_names_in_, first.columns)
+    second = pd.DataFrame(X).add_prefix("second ")
+    union.set_params(models=("homography",)).fit(second)
+    assert_array_equal(union.feature_names_in_, second.columns)
+    assert not hasattr(union.fit(X), "feature_names_in_")
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"affine": "drop", "homography": "drop"}, {"models": ("foo",)}], ids=str
+)
+def test_a_union_without_a_view_can_be_shown(wrong):
+    union = union_of_two().set_params(**wrong)
+    assert not hasattr(union, "n_features_in_")
+    assert "homography" in union._repr_html_()
+
+
+def test_a_pipeline_with_memory_takes_masked_tracks(tracks, tmp_path):
+    X, _ = tracks
+    masked = np.ma.masked_invalid(X)
+    pipeline = make_motion_pipeline(n_clusters=2, **SMALL, memory=str(tmp_path))
+    assert_array_equal(pipeline.fit_predict(masked), pipeline.fit_predict(X))
+
+
+# ----------------------------------------------------------------------- fits that fail
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [
+        HypothesisSampler("fundamental", **SMALL),
+        MotionSegmenter(2, **QUICK),
+    ],
+    ids=lambda estimator: type(estimator).__name__,
+)
+def test_a_fit_that_fails_leaves_nothing_of_it_nor_of_another(estimator, tracks):
+    X, _ = tracks
+    more, _ = make_rigid_motions(60, 16, 2, random_state=1)
+    apply = "transform" if hasattr(estimator, "transform") else "predict"
+    for fitted in (clone(estimator), clone(estimator).fit(X)):
+        for bad in (more[:5], more[:, :7], np.full_like(more, np.inf)):
+            with pytest.raises(ValueError):
+                fitted.fit(bad)
+            with pytest.raises(NotFittedError):
+                getattr(fitted, apply)(X)
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [MultiModelSpectralClustering(2), NCREModelSelector(), ORKKernel(n_hypotheses=50)],
+)
+def test_a_step_whose_fit_fails_is_not_fitted(estimator):
+    good = np.kron(np.eye(2), np.ones((25, 25)))
+    apply = "transform" if hasattr(estimator, "transform") else "predict"
+    fitted = clone(estimator).fit(good)
+    for bad in (good[:, :49], -good + np.inf):
+        with pytest.raises(ValueError):
+            fitted.fit(bad)
+        with pytest.raises(NotFittedError):
+            getattr(fitted, apply)(good)
 
 
 # ------------------------------------------------------------------------------ scorers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from sklearn.cluster import AgglomerativeClustering
+from sklearn.cluster import AgglomerativeClustering, KMeans
 
 from skmotionseg import (
     EigengapModelSelector,
@@ -20,6 +20,9 @@ SELECTORS = [EigengapModelSelector, SelfTuningModelSelector]
 
 
 every_selector = pytest.mark.parametrize("selector", SELECTORS)
+every_selector_and_ncre = pytest.mark.parametrize(
+    "selector", [*SELECTORS, NCREModelSelector]
+)
 
 
 SIZES = [(20, 20), (9, 8, 7), (30, 6, 4), (20,) * 4, (12,) * 8]
@@ -191,3 +194,41 @@ def test_a_known_number_is_taken(scene, selection, n_motions):
         n_motions, selection=selection, n_hypotheses=50, random_state=0
     ).fit(scene[0])
     assert segmenter.n_motions_ == n_motions
+
+
+def with_a_lonely_row(order):
+    """Affinities of two groups of four, and of a row that has none, in that order."""
+    K = np.zeros((9, 9))
+    K[:8, :8] = np.kron(np.eye(2), np.ones((4, 4)))
+    return K[np.ix_(order, order)]
+
+
+@every_selector_and_ncre
+@pytest.mark.parametrize("order", [range(9), range(9)[::-1]], ids=["last", "first"])
+@pytest.mark.parametrize("clusterer", [None, KMeans(n_init=1, random_state=0)], ids=str)
+def test_rows_without_affinity_are_in_no_cluster(selector, order, clusterer):
+    K = with_a_lonely_row(np.array(order))
+    fitted = selector(clusterer, n_clusters=2, random_state=0).fit(K)
+    assert sorted(fitted.labels_) == [-1, 0, 0, 0, 0, 1, 1, 1, 1]
+    assert_array_equal(fitted.predict(K), fitted.labels_)
+
+
+@every_selector_and_ncre
+def test_counts_are_of_the_partitions(selector):
+    K = np.kron(np.eye(3), np.ones((4, 4)))  # three rows differ
+    fitted = selector(min_clusters=2, random_state=0).fit(K)
+    assert_array_equal(fitted.counts_, fitted.candidate_labels_.max(axis=1) + 1)
+    assert fitted.counts_[fitted.best_index_] == fitted.n_clusters_ == 3
+    assert len(fitted.costs_) == len(fitted.counts_)
+    assert len(set(fitted.counts_)) == len(fitted.counts_)
+
+
+@pytest.mark.parametrize("max_iter", [1, 3])
+@pytest.mark.parametrize("fusion", ["coreg", "subset"])
+def test_iterations_of_a_fusion_are_counted(fusion, max_iter):
+    K, _ = blocks((9, 8, 7), between=0.4)
+    clustering = MultiModelSpectralClustering(
+        3, fusion=fusion, max_iter=max_iter, tol=0, random_state=0
+    ).fit(np.hstack([K, K**2]))
+    assert clustering.n_iter_ == max_iter
+    assert clustering.objective_.shape == (max_iter + 1,)
