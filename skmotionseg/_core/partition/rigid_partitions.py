@@ -8,6 +8,7 @@ import numpy as np
 
 from ..geometry.windows import FOCAL_STEPS
 from ..labels import groups_of
+from .grown_motions import FEW_TRACKS
 from .local_search import split
 from .rigid_search import Step
 from .side_by_side import side_by_side
@@ -100,17 +101,17 @@ def rigid_partitions(search, over_segments, counts, candidates, bisect, finer=No
         if chosen == fewest or found.log_odds > 0:
             break
         chosen -= 1
-    tried = chosen
+    tried, few = chosen, len(over_segments) <= FEW_TRACKS
     while tried < min(chosen + LOOKAHEAD, most):
         (grown,) = search.run(_split_best(search, steps[tried], bisect))
         least = HOPELESS if tried == chosen else 0.0
-        if grown is None or grown.log_odds < least:
+        if grown is None or (grown.log_odds < least and not few):
             break
         tried += 1
         steps[tried] = found = best_into(tried, grown)
         if found.log_odds > 0:
             chosen = tried
-        elif found.log_odds < HOPELESS:
+        elif found.log_odds < HOPELESS and not few:
             break
     return RigidPartitions(steps, chosen)
 

@@ -17,6 +17,7 @@ from ..labels import canonical_labels, nearest_votes_in_each
 from .clip import OVERSEGMENTATION, Clip
 from .cost import COST_NAMES, COST_WEIGHTS, Cost
 from .frame_pair_partitions import frame_pair_partitions
+from .grown_motions import FEW_TRACKS, GrownMotions
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
 from .photograph_partitions import are_photographs, photograph_partitions
@@ -326,16 +327,19 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     few = strongest(views[0], LINKS)
     of_few = ViewGraph.from_affinities(few[None], most)
 
+    share = focal_length and focal_length / windows.size
+    search = RigidSearch(windows, affinity, few, share)
+    grown = GrownMotions(search, clip.affinity)
+
     def candidates(n_motions):
-        clusterings = [
+        found = [
             clip.clusters(graph, n_motions)
             for graph in (*graphs, of_few)
             if 1 < n_motions <= graph.n_leading
         ]
-        return clusterings + [some for some in starts if some.max() + 1 == n_motions]
-
-    share = focal_length and focal_length / windows.size
-    search = RigidSearch(windows, affinity, few, share)
+        if n_motions > 1 and len(clip.points) <= FEW_TRACKS:
+            found += grown.partitions(n_motions)
+        return found + [some for some in starts if some.max() + 1 == n_motions]
 
     def finer(n_groups):
         sparsest = next(clip.graphs(n_groups), None)
