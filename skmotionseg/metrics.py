@@ -222,7 +222,7 @@ class FBMSScores(NamedTuple):
     Parameters
     ----------
     density : float
-        Share of the annotated points that have a group.
+        Share of the points of a region that have a group, the mean over the regions.
     precision, recall : float
         Means over the regions.
     f_measure : float

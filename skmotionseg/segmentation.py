@@ -216,9 +216,10 @@ estimator, default="description_length"
         Frame pairs to which the motions were finally fitted.
     matrices_ : ndarray of shape (n_motions, n_pairs, 3, 3)
         Fundamental matrix of each motion and frame pair, ``y^T F x = 0`` for pixels x
-        in the first and y in the second frame, of unit norm. NaN where fewer than
-        eight tracks of the motion are seen (five in unordered photographs); between two
-        images, each motion has one.
+        in the first and y in the second frame, of unit norm. NaN where too few of the
+        fitted tracks (``landmarks_``) of the motion are seen, mostly fewer than eight,
+        outliers included that are rejected later; in unordered photographs that are
+        searched by pairs, fewer than five.
     residuals_ : ndarray of shape (n_pairs, n_tracks), float32
         Sampson distance of each track from its own motion, in pixels. NaN where the
         pair does not see it, for tracks of no motion, and where there is no matrix.
@@ -305,7 +306,9 @@ estimator, default="description_length"
     Notes
     -----
     Groups of tracks that are never seen together, not even through other tracks, are
-    assigned to different motions, unless ``n_motions`` forbids it.
+    assigned to different motions by rules that select by the graph alone, unless
+    ``n_motions`` forbids it. "description_length" assigns them to one motion where
+    nothing shows that they are two.
 
     Lenses are assumed to keep straight lines straight. Corners that are moved by a few
     percent do little harm; but if lines in the images are visibly bent, undistort the
@@ -434,8 +437,9 @@ estimator, default="description_length"
             parameters do not go together, such as ``min_motions`` above
             ``max_motions``; if ``frame_gap`` is so large that there is no frame pair;
             if every frame pair has fewer tracks than a model needs; if ``n_landmarks``
-            is more than the tracks, or fewer than a model needs; if ``n_motions``, or
-            ``min_motions``, is more than the tracks, or than those that share a
+            is more than the tracks (of a clip of at most 100 frames; windows of longer
+            ones fit all that they have), or fewer than a model needs; if ``n_motions``,
+            or ``min_motions``, is more than the tracks, or than those that share a
             preferred hypothesis with another.
         MemoryError
             If ``n_landmarks`` asks for more tracks than fit into memory.

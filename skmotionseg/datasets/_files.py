@@ -114,8 +114,8 @@ def load_tracks(
     -------
     Bunch
         ``data`` (n_tracks, 2 * n_frames): pixels, NaN where unseen; ``target``
-        (n_tracks,): labels from 0, -1 for outliers, or None; ``name``: the file's name
-        without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
+        (n_tracks,): labels from 0, or as a .npz or .csv file has them, -1 for outliers,
+        or None; ``name``: the file's name without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
         thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
         observations or with an index, and a .npz that has them, give ``track_ids``, the
         name of each row; a .dat gives ``track_labels``, the motions that its writer
@@ -132,7 +132,8 @@ def load_tracks(
     Warns
     -----
     UserWarning
-        If all coordinates are at most 2, so that they cannot be pixels; or if tracks
+        If all coordinates, of eight tracks or more, are at most 2, so that they cannot
+        be pixels; or if tracks
         and frames seem to be in each other's place.
 
     Examples

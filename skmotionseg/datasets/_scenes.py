@@ -58,6 +58,7 @@ _BOUNDS = dict.fromkeys(_RANGES, (0, 1)) | {
 _NOISES = ("noise", "drift", "inertia", "spread", "shared", "motion_noise")
 # By random numbers of their own, so that all else is as it was without them.
 _DRAWN_BY = {"texture": 1, "motion_noise": 1, "facets": 2, "bending": 3}
+_MAY_BE_NONE = ("life", "seen")  # as long as the scene; in all frames that see it
 _WHOLE_NUMBERS = ("n_tracks", "n_frames", "n_motions", "facets")
 _LOGARITHMIC = ("n_tracks", "n_frames", "noise", "life", "texture", "facets")
 
@@ -117,8 +118,8 @@ def make_scene(
         neighbours have in common), ``motion_noise`` (what is added to the
         noise, in pixels per pixel that a track moves per frame), ``late``
         (share of the tracks that begin after the first frame), ``life`` (mean
-        number of frames after which a track is lost), ``seen`` (share of the
-        frames a point is found in, unordered photographs only), ``gaps`` (share
+        number of frames after which a track is lost; None: none is), ``seen``
+        (share of the frames a point is found in, unordered photographs only), ``gaps`` (share
         of tracks with a gap), ``focal`` (image widths) and ``distortion`` (by
         which the lens moves the corners of the image, as a share of their
         distance from its middle; negative for barrels), ``texture`` (share of
@@ -137,8 +138,8 @@ def make_scene(
         - ``data``, ndarray of shape (n_tracks, 2 * n_frames): pixels, NaN where unseen;
         - ``target``, ndarray of int, shape (n_tracks,): 0, 1, ... with the largest
           motion first, -1 for tracks of no motion;
-        - ``truth``, ndarray of shape (n_tracks, 2 * n_frames): the same tracks without
-          noise;
+        - ``truth``, ndarray of shape (n_tracks, 2 * n_frames): the same tracks as
+          images of rigid things, without noise, ``motion_noise`` and ``bending``;
         - ``n_motions``, int;
         - ``background``, int: label of what stands still in the world, -1 if nothing
           does;
@@ -207,6 +208,8 @@ def _draw_settings(family, overrides, rngs):
     settings.image_size = _as_image_size(size)
     for name in _RANGES:
         given = overrides.get(name, getattr(chosen, name))
+        if name in overrides and given is None and name not in _MAY_BE_NONE:
+            raise _not_a_range(name, given)
         settings[name] = _draw_setting(name, given, rngs[_DRAWN_BY.get(name, 0)])
     if "texture" not in overrides and late_rng.uniform() < 0.5:
         settings.texture = 1.0
@@ -254,16 +257,22 @@ def _as_range(name, given):
     except (TypeError, ValueError):
         low, high = np.nan, np.nan
     if not low <= high < np.inf:
-        raise ValueError(f"{name} must be a number or (low, high); got {given!r}")
+        raise _not_a_range(name, given)
+    if name in _WHOLE_NUMBERS and (low % 1 or high % 1):
+        raise ValueError(f"{name} must be whole; got {given!r}")
     if low < least or high > most:
         limits = f"{least:g} or more" if most == np.inf else f"in [{least:g}, {most:g}]"
         raise ValueError(f"{name} must be {limits}; got {given!r}")
     return low, high
 
 
+def _not_a_range(name, given):
+    return ValueError(f"{name} must be a number or (low, high); got {given!r}")
+
+
 def _as_image_size(given):
     size = np.asarray(given, dtype=float)
-    if size.shape != (2,) or not (size > 0).all():
+    if size.shape != (2,) or not ((size > 0) & np.isfinite(size)).all():
         raise ValueError(
             f"image_size must be (width, height), in pixels above 0; got {given!r}"
         )

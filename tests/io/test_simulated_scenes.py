@@ -121,6 +121,9 @@ def test_scenes_may_have_no_noise():
         ("street", {"n_tracks": 5, "n_motions": 6}, "tracks .* too few for 6 motions"),
         ("street", {"focal": "wide"}, "focal must be a number .*; got 'wide'"),
         ("street", {"image_size": (640,)}, "image_size must be .*; got"),
+        ("street", {"image_size": (np.inf, 3)}, "image_size must be .*; got .inf"),
+        ("street", {"background": None}, "background must be a number .*; got None"),
+        ("street", {"n_frames": 2.5}, "n_frames must be whole; got 2.5"),
     ],
 )
 def test_what_cannot_be_is_an_error(family, overrides, words):
