@@ -115,11 +115,11 @@ def load_tracks(
     Bunch
         ``data`` (n_tracks, 2 * n_frames): pixels, NaN where unseen; ``target``
         (n_tracks,): labels from 0, or as a .npz or .csv file has them, -1 for outliers,
-        or None; ``name``: the file's name without its ending. KT3DMoSeg files also give ``dense_data``, all tracks before
-        thinning, and ``dense_index``, where in them the labelled ones are; a .csv of
-        observations or with an index, and a .npz that has them, give ``track_ids``, the
-        name of each row; a .dat gives ``track_labels``, the motions that its writer
-        found.
+        or None; ``name``: the file's name without its ending. KT3DMoSeg files also give
+        ``dense_data``, all tracks before thinning, and ``dense_index``, where in them
+        the labelled ones are; a .csv of observations or with an index, and a .npz that
+        has them, give ``track_ids``, the name of each row; a .dat gives
+        ``track_labels``, the motions that its writer found.
 
     Raises
     ------

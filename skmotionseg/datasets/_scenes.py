@@ -119,10 +119,10 @@ def make_scene(
         noise, in pixels per pixel that a track moves per frame), ``late``
         (share of the tracks that begin after the first frame), ``life`` (mean
         number of frames after which a track is lost; None: none is), ``seen``
-        (share of the frames a point is found in, unordered photographs only), ``gaps`` (share
-        of tracks with a gap), ``focal`` (image widths) and ``distortion`` (by
-        which the lens moves the corners of the image, as a share of their
-        distance from its middle; negative for barrels), ``texture`` (share of
+        (share of the frames a point is found in, unordered photographs only),
+        ``gaps`` (share of tracks with a gap), ``focal`` (image widths) and
+        ``distortion`` (by which the lens moves the corners of the image, as a share of
+        their distance from its middle; negative for barrels), ``texture`` (share of
         what stands still and is seen that has tracks, in patches; 1 in every
         other scene) and ``facets`` (number of flat pieces that what stands
         still consists of; 0: relief, as in a quarter of the scenes) and ``bending``
