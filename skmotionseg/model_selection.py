@@ -235,15 +235,16 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         """
         check_is_fitted(self)
         # The clusterer was fitted to views that had no names of columns.
-        X = read_matrix(self, X, reset=False, dtype=np.float64)
-        labels = self.clusterer_.predict(X)
+        rows = read_matrix(self, X, reset=False, dtype=np.float64)
+        labels = self.clusterer_.predict(rows)
         # The clusterer's own numbers of the groups, as ours.
         known = self.labels_ >= 0
         ours = dict(
             zip(self.clusterer_.labels_[known], self.labels_[known], strict=True)
         )
         placed = np.array([ours.get(label, -1) for label in labels], dtype=int)
-        linked = (X.reshape(len(X), -1, len(known))[..., known] > 0).any(axis=(1, 2))
+        views = rows.reshape(len(rows), -1, len(known))
+        linked = (views[..., known] > 0).any(axis=(1, 2))
         return np.where(linked, placed, -1)
 
 

@@ -38,7 +38,7 @@ SPARSITIES = (4.0, 8.0)
 LINKS = 24
 # Tracks, and the share of them that some window sees often enough, below which rigid
 # motion over windows is not asked. By it, two motions among 12 to 39 tracks are found
-# in 41 % of simulated clips, and one is never parted; by frame pairs, hardly ever.
+# in 53 % of simulated clips, and one is never parted; by frame pairs, hardly ever.
 FEWEST_FOR_RIGID = 12
 SHARE_IN_WINDOWS = 0.5
 # Share of the tracks from which on outliers are so many that motions are searched again
