@@ -137,9 +137,8 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
             [_labels_of_connected(c.labels_, graph.connected) for c in candidates]
         )
         self.costs_ = self._costs_of_counts(views, graph)
-        kept = self._keep_one_of_each_count()
         self.best_index_ = self._choose(self.costs_[:, 2])
-        self.clusterer_ = candidates[kept[self.best_index_]]
+        self.clusterer_ = candidates[self.best_index_]
         self.labels_ = self.candidate_labels_[self.best_index_]
         self.n_clusters_ = int(self.labels_.max()) + 1
         self.cost_names_, self.cost_weights_ = self._cost_names, self._cost_weights
@@ -152,19 +151,6 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
     @property
     def _cost_weights(self):
         return (1, -1)
-
-    def _keep_one_of_each_count(self):
-        """Leave one partition into each count, that of least cost; give which.
-
-        Where fewer rows differ than clusters are asked for, there are fewer clusters.
-        """
-        found = self.candidate_labels_.max(axis=1) + 1
-        order = np.lexsort((self.costs_[:, 2], found))  # the first of equals
-        counts, first = np.unique(found[order], return_index=True)
-        kept = order[first]
-        self.counts_, self.costs_ = counts, self.costs_[kept]
-        self.candidate_labels_ = self.candidate_labels_[kept]
-        return kept
 
     def _range_of_counts(self):
         """The fewest and the most clusters that are asked for."""
@@ -283,8 +269,8 @@ class NCREModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts of which a partition was found, ascending: fewer than were tried if
-        so few rows differ.
+        The counts that were tried. Where fewer rows differ than clusters are asked for,
+        there are fewer clusters, and ``n_clusters_`` is less than the count.
     costs_ : ndarray of shape (n_counts, 3)
         Normalised cut, reconstruction error and total, for each count.
     candidate_labels_ : ndarray of int, shape (n_counts, n)
@@ -397,8 +383,8 @@ class EigengapModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts of which a partition was found, ascending: fewer than were tried if
-        so few rows differ.
+        The counts that were tried. Where fewer rows differ than clusters are asked for,
+        there are fewer clusters, and ``n_clusters_`` is less than the count.
     costs_ : ndarray of shape (n_counts, 3)
         For each count k, the k-th eigenvalue, the next one (the same one if there is
         none), and their difference.
@@ -479,8 +465,8 @@ class SelfTuningModelSelector(CountSelector):
     labels_ : ndarray of int, shape (n,)
         Those of the chosen count.
     counts_ : ndarray of int, shape (n_counts,)
-        The counts of which a partition was found, ascending: fewer than were tried if
-        so few rows differ.
+        The counts that were tried. Where fewer rows differ than clusters are asked for,
+        there are fewer clusters, and ``n_clusters_`` is less than the count.
     costs_ : ndarray of shape (n_counts, 3)
         For each count C, with ``Z`` the n rotated rows,
         ``sum_ij Z_ij^2 / max_j Z_ij^2 / (n C)``, its least value ``1 / C``, and the

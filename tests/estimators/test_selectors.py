@@ -213,16 +213,6 @@ def test_rows_without_affinity_are_in_no_cluster(selector, order, clusterer):
     assert_array_equal(fitted.predict(K), fitted.labels_)
 
 
-@every_selector_and_ncre
-def test_counts_are_of_the_partitions(selector):
-    K = np.kron(np.eye(3), np.ones((4, 4)))  # three rows differ
-    fitted = selector(min_clusters=2, random_state=0).fit(K)
-    assert_array_equal(fitted.counts_, fitted.candidate_labels_.max(axis=1) + 1)
-    assert fitted.counts_[fitted.best_index_] == fitted.n_clusters_ == 3
-    assert len(fitted.costs_) == len(fitted.counts_)
-    assert len(set(fitted.counts_)) == len(fitted.counts_)
-
-
 @pytest.mark.parametrize("max_iter", [1, 3])
 @pytest.mark.parametrize("fusion", ["coreg", "subset"])
 def test_iterations_of_a_fusion_are_counted(fusion, max_iter):
