@@ -9,6 +9,7 @@ import pytest
 from helpers.films import film
 from joblib import parallel_config
 from numpy.testing import assert_array_equal
+from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skmotionseg import MotionSegmenter, NCREModelSelector, pack_tracks
@@ -274,7 +275,8 @@ def gapped():
     """A clip whose first ten frames see nothing, and a segmenter of it."""
     X, _ = make_rigid_motions(150, 120, 2, missing=0.3, random_state=0)
     X[:, :20] = np.nan
-    return X, MotionSegmenter(n_hypotheses=50, random_state=0).fit(X)
+    segmenter = MotionSegmenter(selection="ncre", n_hypotheses=50, random_state=0)
+    return X, segmenter.fit(X)
 
 
 @pytest.mark.slow
@@ -290,7 +292,7 @@ def test_windows_of_a_clip_with_empty_frames_are_in_its_frames(gapped):
 def test_a_long_clip_has_as_many_motions_as_are_asked_for(gapped):
     X, segmenter = gapped
     n_motions = segmenter.n_motions_ + 1
-    more = MotionSegmenter(n_motions, n_hypotheses=50, random_state=0).fit(X)
+    more = clone(segmenter).set_params(n_motions=n_motions).fit(X)
     assert more.n_motions_ == n_motions
     assert set(more.labels_) - {-1} == set(range(n_motions))
 
