@@ -38,6 +38,9 @@ class AffinityInput:
     columns, which is right for one square view and an error for several side by side.
     """
 
+    def __sklearn_is_fitted__(self) -> bool:
+        return hasattr(self, "labels_")
+
     def __sklearn_tags__(self):
         tags = super().__sklearn_tags__()  # type: ignore[misc]
         tags.input_tags.positive_only = True
@@ -189,9 +192,6 @@ default="kernel_addition"
         )
         check_n_groups("n_clusters", self.n_clusters, graph)
         return self._fit_graph(graph)
-
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "n_iter_")
 
     def _fuse(self):
         """The fusion with its weights, as a function of a graph."""

@@ -31,6 +31,7 @@ from ._utils.validation import (
     forget_fit,
     read_affinities,
     read_matrix,
+    split_views,
 )
 from .cluster import AffinityInput, MultiModelSpectralClustering
 
@@ -145,9 +146,6 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
         self.cost_tolerance_ = self._cost_tolerance
         return self
 
-    def __sklearn_is_fitted__(self) -> bool:
-        return hasattr(self, "cost_tolerance_")
-
     @property
     def _cost_weights(self):
         return (1, -1)
@@ -229,8 +227,8 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
             zip(self.clusterer_.labels_[known], self.labels_[known], strict=True)
         )
         placed = np.array([ours.get(label, -1) for label in labels], dtype=int)
-        views = rows.reshape(len(rows), -1, len(known))
-        linked = (views[..., known] > 0).any(axis=(1, 2))
+        views = split_views(rows, rows.shape[1] // len(known))
+        linked = (views[..., known] > 0).any(axis=(0, 2))
         return np.where(linked, placed, -1)
 
 

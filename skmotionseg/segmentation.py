@@ -512,7 +512,7 @@ estimator, default="description_length"
         self.labels_, self.probabilities_ = found.labels, found.shares
         self.windows_, self.window_counts_ = found.windows, found.counts
         self.window_confidences_ = found.surely
-        self.n_motions_ = int(found.labels.max(initial=-1)) + 1
+        self.n_motions_ = found.n_motions
         some = clip.frames[spread_frames(clip.n_frames)]
         points = np.concatenate([*points_in_batches(X, some)])
         visibility = ~np.isnan(points[..., 0])

@@ -39,7 +39,7 @@ def segment_stored(run, clip, frames):
         ("tracks", str(clip.n_tracks)),
         ("frames", str(clip.n_frames)),
         ("windows", str(len(clip.parts))),
-        ("motions found", str(int(found.labels.max(initial=-1)) + 1)),
+        ("motions found", str(found.n_motions)),
         ("motions per window", f"{found.counts.min()} to {found.counts.max()}"),
         ("seconds segmenting", f"{time.perf_counter() - started:.3f}"),
     ]

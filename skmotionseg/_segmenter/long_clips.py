@@ -232,7 +232,7 @@ def _likeliest_of_more(found, asked, most):
 
 
 class _WindowFits:
-    """Fits of the windows of a clip, each with a seed of its own."""
+    """Fits of the windows of a clip, each with a seed of its own, and made once."""
 
     def __init__(self, clip, segmenter, rng, report):
         self.clip, self.report, self.n_done = clip, report, 0
@@ -241,19 +241,25 @@ class _WindowFits:
         self.most = None if segmenter.n_motions == "auto" else segmenter.n_motions
         self.estimator = _for_windows(segmenter, self.most)
         self.limits = self.estimator.min_motions, self.estimator.max_motions
+        self._found: dict[tuple, WindowMotions] = {}
 
     def of(self, places, numbers=None, attempt=0):
         """The motions of some windows, their number open unless it is given."""
         numbers = ["auto"] * len(places) if numbers is None else numbers
-        tasks = map(self._task, places, numbers, [attempt] * len(places))
-        n_before, n_all = self.n_done, self.n_done + len(places)
+        asked = [
+            (k, number, attempt) for k, number in zip(places, numbers, strict=True)
+        ]
+        # Windows that did not come to agree are asked again when another has changed.
+        new = [fit for fit in asked if fit not in self._found]
+        tasks = (self._task(*fit) for fit in new)
+        n_before, n_all = self.n_done, self.n_done + len(new)
         report = self.report and (lambda done: self.report(n_before + done, n_all))
         found = run_tasks(tasks, n_jobs=self.n_jobs, done=report)
         self.n_done = n_all
-        return [
-            WindowMotions(self.clip.parts[k].tracks, *each)
-            for k, each in zip(places, found, strict=True)
-        ]
+        for fit, each in zip(new, found, strict=True):
+            tracks = self.clip.parts[fit[0]].tracks
+            self._found[fit] = WindowMotions(tracks, *each)
+        return [self._found[fit] for fit in asked]
 
     def _task(self, place, number, attempt):
         part, seed = self.clip.parts[place], int(self.seeds[place]) + attempt

@@ -133,8 +133,7 @@ def load_tracks(
     -----
     UserWarning
         If all coordinates, of eight tracks or more, are at most 2, so that they cannot
-        be pixels; or if tracks
-        and frames seem to be in each other's place.
+        be pixels; or if tracks and frames seem to be in each other's place.
 
     Examples
     --------

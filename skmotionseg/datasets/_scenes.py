@@ -207,9 +207,7 @@ def _draw_settings(family, overrides, rngs):
     size = overrides.get("image_size", sizes[rng.randint(len(sizes))])
     settings.image_size = _as_image_size(size)
     for name in _RANGES:
-        given = overrides.get(name, getattr(chosen, name))
-        if name in overrides and given is None and name not in _MAY_BE_NONE:
-            raise _not_a_range(name, given)
+        given = _given(name, chosen, overrides)
         settings[name] = _draw_setting(name, given, rngs[_DRAWN_BY.get(name, 0)])
     if "texture" not in overrides and late_rng.uniform() < 0.5:
         settings.texture = 1.0
@@ -218,9 +216,9 @@ def _draw_settings(family, overrides, rngs):
     if "outliers" not in overrides and rng.uniform() < 0.25:
         settings.outliers = 0.0
     n_inliers = settings.n_tracks - round(settings.outliers * settings.n_tracks)
-    if np.ndim(overrides.get("n_motions", chosen.n_motions)):
-        fewest = overrides.get("n_motions", chosen.n_motions)[0]
-        most = max(n_inliers // PER_MOTION, fewest)
+    n_motions = _given("n_motions", chosen, overrides)
+    if np.ndim(n_motions):
+        most = max(n_inliers // PER_MOTION, n_motions[0])
         settings.n_motions = min(settings.n_motions, most)
     if n_inliers < settings.n_motions:
         raise ValueError(
@@ -234,6 +232,15 @@ def _draw_settings(family, overrides, rngs):
             settings.background, 1 - 0.01 * (settings.n_motions - 1)
         )
     return settings
+
+
+def _given(name, chosen, overrides):
+    """What a setting is drawn from: the override, or what the family has."""
+    if name not in overrides:
+        return getattr(chosen, name)
+    if overrides[name] is None and name not in _MAY_BE_NONE:
+        raise _not_a_range(name, None)
+    return overrides[name]
 
 
 def _draw_setting(name, given, rng):

@@ -307,3 +307,22 @@ def test_motions_that_no_window_tells_apart_are_warned_of(monkeypatch):
     with pytest.warns(UserWarning, match="n_motions=3 was asked for, but .* only 1"):
         segmenter = MotionSegmenter(3, n_hypotheses=50, random_state=0).fit(X)
     assert segmenter.n_motions_ == 1
+
+
+def test_a_window_is_fitted_once_into_each_number(monkeypatch):
+    fits = []
+
+    def one_motion(estimator, X, version):
+        fits.append(estimator.n_motions)
+        return np.zeros(len(X), dtype=int), 1.0, 0.0
+
+    monkeypatch.setattr(long_clips, "_segment", one_motion)
+    X, _ = make_rigid_motions(30, 120, 2, missing=0, random_state=0)
+    rng = np.random.RandomState(0)
+    windows = long_clips._WindowFits(
+        long_clips.LongClip(X, 2), MotionSegmenter(), rng, None
+    )
+    first = windows.of([0, 1], [2, 3])
+    assert windows.of([1, 0], [3, 2])[1] is first[0]
+    windows.of([0], [2], attempt=1)
+    assert fits == [2, 3, 2]

@@ -30,7 +30,7 @@ MOST_SWAPS = 5
 
 
 class GrownMotions:
-    """Motions that are grown from neighbours, each time with the camera in use.
+    """Motions that are grown from neighbours, once, with the camera that is in use.
 
     Parameters
     ----------
