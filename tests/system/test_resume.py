@@ -41,6 +41,13 @@ from skmotionseg._parallel.tasks import Task
 tasks = [Task("waiting", says_its_process, sys.argv[1], k) for k in range(2)]
 run_tasks(tasks, n_jobs=2, prefer="processes")
 """
+LEAVES_A_FOLDER = """
+import sys
+from joblib.externals.loky.backend import resource_tracker
+from skmotionseg._commands.bench import tidied_in_silence
+with tidied_in_silence():
+    resource_tracker.register(sys.argv[1], "folder")
+"""
 RUN = {"sequence": "one", "seed": 0}
 
 kills = pytest.mark.skipif(
@@ -256,6 +263,14 @@ def test_an_interrupted_bench_leaves_no_process_and_no_folder(data, tmp_path):
     assert errors.splitlines()[-1] == "skmotionseg: interrupted"
     assert list(scratch.iterdir()) == []
     assert all(json.loads(line) for line in journal.read_bytes().splitlines())
+
+
+@kills
+def test_what_an_interrupted_worker_leaves_is_removed_without_a_word(tmp_path):
+    left = tmp_path / "left"
+    left.mkdir()
+    _, errors = start([str(left)], LEAVES_A_FOLDER).communicate(timeout=60)
+    assert not errors and not left.exists()
 
 
 @kills
