@@ -53,6 +53,10 @@ default="homography"
         Models of pixel coordinates: ``y ~ H x`` for the maps, ``y^T F x = 0`` for
         fundamental matrices, with ``x`` in the first and ``y`` in the second frame.
         NaN for a pair in which fewer tracks are seen than the model needs.
+    minimal_sets_ : ndarray of int, shape (n_pairs, n_hypotheses, minimal_size)
+        The tracks that each was fitted to; -1 where there is no model. Where the tracks
+        of a pair allow nothing but translations, each is that of a single track, which
+        is repeated.
     frame_pairs_ : ndarray of int, shape (n_pairs, 2)
     n_features_in_ : int
         Two columns per frame.
@@ -132,7 +136,7 @@ default="homography"
         model = get_motion_model(self.model)
         pairs = self._check_pairs(model, visibility, pairs)
         self.frame_pairs_ = pairs
-        self.hypotheses_ = draw_hypotheses(
+        self.hypotheses_, self.minimal_sets_ = draw_hypotheses(
             points,
             visibility,
             pairs,

@@ -489,6 +489,7 @@ estimator, default="description_length"
             self.n_jobs,
             self.memory,
             self._covisible_pairs(visibility),
+            by_others=self._by_length,
         )
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):

@@ -11,6 +11,7 @@ from sklearn.base import clone
 from sklearn.utils import gen_batches
 
 from .._core.geometry.coverage import resemblance
+from .._core.geometry.hypotheses import of_others
 from .._core.geometry.motion_models import (
     MOTION_MODELS,
     MotionModel,
@@ -134,7 +135,9 @@ def make_view(model, seed, *, n_hypotheses, frame_gap=1, kernel=None):
     return sampler, ORKKernel() if kernel is None else clone(kernel)
 
 
-def fit_views(views, points, visibility, n_jobs, memory=None, pairs=None):
+def fit_views(
+    views, points, visibility, n_jobs, memory=None, pairs=None, by_others=False
+):
     """Fit the sampler and kernel of each model, from memory if they are there.
 
     Parameters
@@ -147,6 +150,9 @@ def fit_views(views, points, visibility, n_jobs, memory=None, pairs=None):
     memory : str, path, joblib.Memory or None
     pairs : ndarray of int, shape (n_pairs, 2), optional
         Frame pairs, in place of those at the distance that the samplers have.
+    by_others : bool, default=False
+        Whether tracks prefer hypotheses among those that were fitted to others; the
+        paper has them prefer any.
 
     Returns
     -------
@@ -158,7 +164,15 @@ def fit_views(views, points, visibility, n_jobs, memory=None, pairs=None):
     fit = as_memory(memory).cache(_fit_view)
     results = run_tasks(
         (
-            Task(f"fitting the {model} model", fit, *view, points, visibility, pairs)
+            Task(
+                f"fitting the {model} model",
+                fit,
+                *view,
+                points,
+                visibility,
+                pairs,
+                by_others,
+            )
             for model, view in views.items()
         ),
         n_jobs=n_jobs,
@@ -172,7 +186,7 @@ def fit_views(views, points, visibility, n_jobs, memory=None, pairs=None):
     return fitted, affinities, np.sum([seconds for *_, seconds in results], axis=0)
 
 
-def _fit_view(sampler, kernel, points, visibility, pairs=None):
+def _fit_view(sampler, kernel, points, visibility, pairs, by_others):
     """Fit one model's sampler and kernel; give them, the affinity and the seconds.
 
     The residuals go from one to the other a frame pair at a time: all of them would be
@@ -183,6 +197,8 @@ def _fit_view(sampler, kernel, points, visibility, pairs=None):
     sampler._fit(points, visibility, pairs)
     sampled = time.perf_counter()
     blocks = sampler._blocks(points, visibility)
+    if by_others:
+        blocks = of_others(blocks, sampler.minimal_sets_)
     affinity = kernel._fit_blocks(len(points), blocks, sampler.n_hypotheses)
     done = time.perf_counter()
     return sampler, kernel, affinity, (sampled - started, done - sampled)

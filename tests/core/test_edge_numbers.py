@@ -275,7 +275,7 @@ def test_degenerate_scenes_have_finite_hypotheses_and_residuals(name, model, far
     points, visibility = unpack_tracks(SCENES[name]() + far)
     pairs = frame_pairs(4)
     rng = np.random.RandomState(0)
-    found = draw_hypotheses(points, visibility, pairs, model, 30, rng)
+    found, _ = draw_hypotheses(points, visibility, pairs, model, 30, rng)
     working = working_coordinates(points, visibility)
     R = residual_matrix(points, visibility, pairs, found, model, *working)
     assert np.isfinite(found).all()

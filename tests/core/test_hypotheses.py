@@ -16,6 +16,8 @@ from skmotionseg._core.geometry import hypotheses
 from skmotionseg._core.geometry.hypotheses import (
     draw_hypotheses,
     draw_minimal_sets,
+    of_others,
+    residual_blocks,
     residual_matrix,
 )
 from skmotionseg._core.geometry.motion_models import MOTION_MODELS
@@ -60,6 +62,11 @@ def line(n, shift=(0.0, 0.0)):
 
 
 def draw(scene, model, n_hypotheses=20, seed=0):
+    return drawn(scene, model, n_hypotheses, seed)[0]
+
+
+def drawn(scene, model, n_hypotheses=20, seed=0):
+    """Hypotheses, and their minimal sets."""
     return draw_hypotheses(*scene, model, n_hypotheses, check_random_state(seed))
 
 
@@ -140,7 +147,9 @@ def test_minimal_sets_that_are_given_are_those_that_are_fitted(model):
     sets = sets.reshape(len(pairs), 5, -1)
     of_tracks = [np.flatnonzero(seen[:, p])[sets[p]] for p in range(len(pairs))]
     found = fit_minimal_sets(*scene, model, np.stack(of_tracks))
-    assert_array_equal(found, draw(scene, model, n_hypotheses=5))
+    hypotheses, their_sets = drawn(scene, model, n_hypotheses=5)
+    assert_array_equal(found, hypotheses)
+    assert_array_equal(of_tracks, their_sets)
 
 
 @every_model
@@ -310,7 +319,55 @@ def test_tracks_in_one_spot_get_its_translation(model, spot):
     assert_allclose(residuals_of(scene, found, model), 0, atol=1e-6)
 
 
+@every_model
+def test_hypotheses_are_those_of_their_minimal_sets(model):
+    """Also where sets were drawn again; there is none where there are few tracks."""
+    points, visibility, pairs = tracks()
+    points[:20], visibility[:20] = points[20:], visibility[20:]  # sets may have twins
+    visibility[model.minimal_size - 1 :, 0] = False
+    scene = points, visibility, pairs
+    found, sets = drawn(scene, model, n_hypotheses=30)
+    assert (sets[0] == -1).all()
+    some = points, visibility, pairs[1:]
+    assert_array_equal(fit_minimal_sets(*some, model, sets[1:]), found[1:])
+
+
+@every_model
+def test_a_hypothesis_that_stands_in_for_another_has_its_own_set(model, monkeypatch):
+    monkeypatch.setattr(hypotheses, "MAX_REDRAWS", 0)
+    scene = mostly_on_a_line()
+    found, sets = drawn(scene, model, n_hypotheses=200)
+    assert_array_equal(fit_minimal_sets(*scene, model, sets), found)
+
+
+@every_model
+def test_the_set_of_a_translation_is_its_track(model):
+    x = line(12)
+    scene = two_frames(x, x + np.arange(12)[:, None] ** 2)
+    found, sets = drawn(scene, model)
+    assert (sets == sets[..., :1]).all()
+    own = residuals_of(scene, found, model)[sets[0, :, 0], np.arange(20)]
+    assert_allclose(own, 0, atol=1e-6)
+
+
 # ------------------------------------------------------------------------- residuals
+
+
+@every_model
+def test_residuals_to_hypotheses_of_others_are_infinite_at_their_own(model):
+    scene = points, visibility, pairs = tracks()
+    visibility[model.minimal_size - 1 :, 0] = False  # a pair without hypotheses
+    found, sets = drawn(scene, model)
+    working = working_coordinates(points, visibility)
+    blocks = residual_blocks(*scene, found, model, *working)
+    expected = residuals_of(scene, found, model).reshape(len(points), len(pairs), -1)
+    for p, (rows, residuals) in enumerate(of_others(blocks, sets)):
+        for row, of_track in zip(rows, residuals, strict=True):
+            own = [row in tracks for tracks in sets[p].tolist()]
+            assert_array_equal(of_track == np.inf, own)
+            assert_array_equal(
+                of_track[~np.array(own)], expected[row, p][~np.array(own)]
+            )
 
 
 @every_model

@@ -272,7 +272,7 @@ def segment_by_given_sets(change, n_motions, selection):
     def fit(points, visibility, pairs, model, n_hypotheses, random_state):
         sets = change.sets(minimal_sets(model.name))
         assert n_hypotheses == sets.shape[1]
-        return fit_minimal_sets(points, visibility, pairs, model, sets)
+        return fit_minimal_sets(points, visibility, pairs, model, sets), sets
 
     points, visibility, _ = scene()
     with mock.patch("skmotionseg.sampling.draw_hypotheses", fit):
