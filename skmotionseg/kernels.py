@@ -253,7 +253,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
 
     def _read_preferences(self, X, *, reset):
         if reset:
-            forget_fit(self)
+            forget_fit(self, ["_preferences"])
         sent = sent_group_size(X)
         X = read_matrix(
             self,

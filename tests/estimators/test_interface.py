@@ -311,6 +311,25 @@ def test_a_fit_that_fails_leaves_nothing_of_it_nor_of_another(estimator, tracks)
                 getattr(fitted, apply)(X)
 
 
+def test_a_sampler_whose_fit_transform_fails_is_not_fitted(tracks):
+    """Hypotheses of the clip before are none of one that has more frames."""
+    X, _ = tracks
+    longer, _ = make_rigid_motions(60, 8, 2, random_state=1)
+    sampler = HypothesisSampler("fundamental", **SMALL).fit(X)
+    with pytest.raises(ValueError, match="needs 8 tracks"):
+        sampler.fit_transform(longer[:5])
+    with pytest.raises(NotFittedError):
+        sampler.transform(longer)
+
+
+def test_a_kernel_whose_fit_fails_names_no_columns():
+    kernel = ORKKernel(n_hypotheses=50).fit(np.ones((20, 50)))
+    with pytest.raises(ValueError, match="got 49 columns"):
+        kernel.fit(np.ones((30, 49)))
+    with pytest.raises(NotFittedError):
+        kernel.get_feature_names_out()
+
+
 @pytest.mark.parametrize(
     "estimator",
     [MultiModelSpectralClustering(2), NCREModelSelector(), ORKKernel(n_hypotheses=50)],
