@@ -30,6 +30,8 @@ __all__ = ["PerSequence"]
 
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
+# Packages whose calls hand on labels as they are.
+HANDING_ON = ("skmotionseg", "sklearn", "joblib")
 
 register_dask()  # for searches over sequences
 
@@ -269,16 +271,27 @@ def _refuse_scorers_of_tracks():
 
 
 def _scorers_of_callers():
-    """Yield what functions of scikit-learn among the callers are, or score by."""
+    """Yield what functions of scikit-learn among the callers are, or score by.
+
+    What is called by an estimator of others is left alone: it is that one which is
+    scored, and it may make of labels what it likes, such as their number.
+    """
     frame: FrameType | None = sys._getframe(2)
     for _ in range(MOST_CALLERS):
-        if frame is None:
+        package = _package_of(frame)
+        if frame is None or package not in HANDING_ON:
             return
-        if frame.f_globals.get("__name__", "").startswith("sklearn."):
+        if package == "sklearn":
             for name in ("self", "scorer"):
                 found = frame.f_locals.get(name)
                 yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
+
+
+def _package_of(frame):
+    """The package in which a call is made; empty if that is not known."""
+    name = "" if frame is None else frame.f_globals.get("__name__", "")
+    return name.partition(".")[0]
 
 
 def _is_listlike(X):

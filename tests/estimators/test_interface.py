@@ -379,6 +379,24 @@ def test_a_scorer_of_scikit_learn_says_what_to_use(sequences):
         get_scorer("adjusted_rand_score")(estimator, X, y)
 
 
+class CountOfSequences(BaseEstimator):
+    """An estimator of others: says of each sequence how many motions it has."""
+
+    def fit(self, X, y=None):
+        self.segmenter_ = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
+        return self
+
+    def predict(self, X):
+        return [labels.max() + 1 for labels in self.segmenter_.predict(X)]
+
+
+def test_what_is_made_of_labels_may_be_scored_by_scikit_learn(sequences):
+    X, y = sequences
+    counts = [len(set(labels)) for labels in y]
+    params = {"scoring": "neg_mean_absolute_error", "cv": 2, "error_score": "raise"}
+    assert_array_equal(cross_val_score(CountOfSequences(), X, counts, **params), 0)
+
+
 @pytest.mark.parametrize("scoring", ["adjusted_rand_score", adjusted_rand_score])
 def test_a_sequence_scorer_is_the_mean_over_sequences(scoring, sequences):
     X, y = sequences
