@@ -9,6 +9,8 @@ import numpy.typing as npt
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_non_negative, validate_data
 
+from .._core.geometry.tracks import stack_masked
+
 # Constraint of the parameter ``n_jobs``: 0 has no meaning.
 N_JOBS = [
     Interval(Integral, 1, None, closed="left"),
@@ -61,7 +63,7 @@ class TracksInput:
         _check_packed(X)
         X = read_matrix(
             self,
-            unmasked(X),
+            X,
             reset=reset,
             dtype=np.float64,
             ensure_all_finite="allow-nan",
@@ -99,7 +101,8 @@ def _check_packed(X):
 
 
 def unmasked(points):
-    """The points, NaN where a masked array is masked: that is unseen."""
+    """The points, NaN where a masked array, or one of a list, is masked: unseen."""
+    points = stack_masked(points)
     if np.ma.isMaskedArray(points) and points.dtype.kind in "fiu":
         return np.ma.filled(points.astype(float), np.nan)
     return points
@@ -185,10 +188,11 @@ def read_matrix(estimator, X, **checks):
     """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
 
     It looks for infinities in the sum of all numbers, and NumPy warns where there are
-    some of both signs; the error that is due is the same.
+    some of both signs; the error that is due is the same. It takes what is under the
+    mask of a masked array for a number, which here is NaN.
     """
     with np.errstate(invalid="ignore"):
-        return validate_data(estimator, X, **checks)
+        return validate_data(estimator, unmasked(X), **checks)
 
 
 def read_affinities(estimator, X):

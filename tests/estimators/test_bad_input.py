@@ -345,6 +345,7 @@ def test_bad_parameters(call, error, words, no_work):
         ),
         pytest.param(K - 0.1, "Negative values", id="negative"),
         pytest.param(changed(K, np.nan), "contains NaN", id="NaN"),
+        pytest.param(np.ma.masked_less(K, 1), "contains NaN", id="masked"),
         pytest.param(changed(K, np.inf), "infinity", id="infinity"),
         pytest.param(
             changed(K, [-np.inf, np.inf], (0, [0, 1])), "infinity", id="infinities"
