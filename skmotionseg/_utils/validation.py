@@ -110,9 +110,10 @@ def unmasked(points):
 
 def farthest_from_zero(points):
     """The largest absolute coordinate; 0 where there is none."""
+    # As floats: half precision ends below FARTHEST, and integers are not all negated.
     return max(
-        np.fmax.reduce(points, axis=None, initial=0),
-        -np.fmin.reduce(points, axis=None, initial=0),
+        float(np.fmax.reduce(points, axis=None, initial=0)),
+        -float(np.fmin.reduce(points, axis=None, initial=0)),
     )
 
 
