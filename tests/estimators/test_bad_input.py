@@ -536,6 +536,11 @@ FUNCTIONS = [
         "whole number of 0 or more; got -3",
     ),
     case(
+        "motion_count_accuracy, an infinite count",
+        lambda: motion_count_accuracy([np.inf], [2]),
+        "whole number of 0 or more; got inf",
+    ),
+    case(
         "motion_count_accuracy, NaN",
         lambda: motion_count_accuracy([[0, np.nan]], [[0, 1]]),
         "labels of a sequence must be whole numbers",
