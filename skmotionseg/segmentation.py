@@ -306,9 +306,9 @@ estimator, default="description_length"
     Notes
     -----
     Groups of tracks that are never seen together, not even through other tracks, are
-    assigned to different motions by rules that select by the graph alone, unless
-    ``n_motions`` forbids it. "description_length" assigns them to one motion where
-    nothing shows that they are two.
+    assigned to different motions, unless ``n_motions`` forbids it. "description_length"
+    may assign them to one motion if they have about a dozen tracks each, seen in three
+    or four frames.
 
     Lenses are assumed to keep straight lines straight. Corners that are moved by a few
     percent do little harm; but if lines in the images are visibly bent, undistort the
