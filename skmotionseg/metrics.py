@@ -596,6 +596,8 @@ def _judged(
 
 
 def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
+    if np.ma.is_masked(labels):  # under a mask is any number
+        raise ValueError(f"{name} must be known throughout; some are masked")
     labels = np.asarray(labels)
     if labels.ndim != 1 or labels.dtype.kind not in "iufb":
         raise ValueError(

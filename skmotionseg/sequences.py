@@ -23,7 +23,7 @@ from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.caching import as_memory, check_cacheable, recall
 from ._utils.seeds import seed_names
-from ._utils.validation import N_JOBS, check_instance, unmasked
+from ._utils.validation import N_JOBS, check_instance, nothing_masked, unmasked
 from .metrics import misclassification_error
 
 __all__ = ["PerSequence"]
@@ -159,7 +159,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """Check labels against sequences and list them as arrays."""
         if y is None:
             raise ValueError("true labels are needed: a label array per sequence")
-        labels = [np.asarray(labels) for labels in y]
+        labels = [nothing_masked(labels, "labels of a sequence") for labels in y]
         if len(labels) != len(sequences):
             raise ValueError(
                 f"got {len(sequences)} sequences and {len(labels)} label arrays"

@@ -253,6 +253,13 @@ def check_n_groups(name, count, graph):
         )
 
 
+def nothing_masked(numbers: npt.ArrayLike, name: str) -> npt.NDArray:
+    """Labels or ids as an array, if no mask hides any of them."""
+    if np.ma.is_masked(numbers):
+        raise ValueError(f"{name} must be known throughout; some are masked")
+    return np.asarray(numbers)
+
+
 def check_labels(
     labels: npt.ArrayLike, name: str = "labels"
 ) -> npt.NDArray[np.integer]:
@@ -269,7 +276,7 @@ def check_labels(
     ValueError
         If they are no vector, or no whole numbers.
     """
-    labels = np.asarray(labels)
+    labels = nothing_masked(labels, name)
     if labels.ndim != 1:
         raise ValueError(f"{name} must be a vector; got shape {labels.shape}")
     if not labels.size:
@@ -296,7 +303,7 @@ def check_label_each(
     ValueError
         If there are more or fewer, or they are no whole numbers.
     """
-    labels = np.asarray(labels)
+    labels = nothing_masked(labels, name)
     if labels.shape != (n_tracks,):
         raise ValueError(
             f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
@@ -318,7 +325,7 @@ def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer
     ValueError
         If there are more or fewer, or one is no such number.
     """
-    ids = np.asarray(track_ids)
+    ids = nothing_masked(track_ids, "track_ids")
     if ids.shape != (n_tracks,):
         raise ValueError(f"{n_tracks} tracks need an id each; got shape {ids.shape}")
     if ids.dtype.kind in "iu":

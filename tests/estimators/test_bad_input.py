@@ -18,6 +18,8 @@ from skmotionseg import (
     datasets,
     make_motion_pipeline,
     pack_tracks,
+    save_motions,
+    static_mask,
     unpack_tracks,
 )
 from skmotionseg._core.graph import spectral
@@ -29,6 +31,7 @@ from skmotionseg.metrics import (
     motion_count_accuracy,
 )
 from skmotionseg.plotting import plot_motions
+from skmotionseg.preprocessing import select_balanced_tracks
 
 X, Y = make_rigid_motions(n_tracks=20, n_frames=4, missing=0, random_state=0)
 K = np.kron(np.eye(2), np.ones((3, 3)))  # affinities of two groups of three
@@ -504,6 +507,38 @@ FUNCTIONS = [
         "misclassification_error, text",
         lambda: misclassification_error(["car", "road"], [0, 1]),
         "y_true must be a list of whole numbers",
+    ),
+    case(
+        "misclassification_error, masked true labels",
+        lambda: misclassification_error(np.ma.MaskedArray([0, 1], [0, 1]), [0, 1]),
+        "y_true must be known throughout; some are masked",
+    ),
+    case(
+        "static_mask, masked labels",
+        lambda: static_mask(X, np.ma.masked_equal(np.arange(len(X)) % 2, 0)),
+        "labels must be known throughout",
+    ),
+    case(
+        "select_balanced_tracks, masked labels",
+        lambda: select_balanced_tracks(np.ma.MaskedArray([0, 1], [0, 1])),
+        "labels must be known throughout",
+    ),
+    case(
+        "save_motions, masked ids",
+        lambda: save_motions(
+            "folder",
+            X,
+            np.zeros(len(X), int),
+            track_ids=np.ma.masked_equal(np.arange(len(X)), 0),
+        ),
+        "track_ids must be known throughout",
+    ),
+    case(
+        "PerSequence, masked labels",
+        lambda: PerSequence(MotionSegmenter()).fit(
+            [X], [np.ma.masked_equal(np.arange(len(X)) % 2, 0)]
+        ),
+        "labels of a sequence must be known throughout",
     ),
     case(
         "misclassification_error, two axes",

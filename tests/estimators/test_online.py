@@ -309,6 +309,7 @@ BAD = {
     "words": (TypeError, "real numbers", [["a", "b"]], [0]),
     "ids that are no whole numbers": (TypeError, "whole", [[1.0, 2.0]], [0.5]),
     "large ids": (ValueError, "below 2", [[1.0, 2.0]], np.array([2**63], np.uint64)),
+    "masked ids": (ValueError, "masked", [[1.0, 2.0]], np.ma.MaskedArray([0], True)),
     "complex": (TypeError, "real numbers", [[1j, 2.0]], [0]),
 }
 
