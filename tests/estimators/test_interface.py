@@ -815,3 +815,15 @@ def test_residuals_are_of_the_model_that_was_fitted(tracks):
     expected = sampler.transform(X)
     sampler.set_params(model="fundamental")
     assert_array_equal(sampler.transform(X), expected)
+
+
+@pytest.mark.parametrize(
+    "change", [{"top": 0.5}, {"sparsity": None}, {"covisibility_prior": 0}]
+)
+def test_affinities_are_by_the_parameters_of_the_fit(change, tracks):
+    residuals = HypothesisSampler(**SMALL).fit_transform(tracks[0])
+    kernel = ORKKernel()
+    expected = kernel.fit_transform(residuals)
+    kernel.set_params(**change)
+    assert_array_equal(kernel.transform(residuals), expected)
+    assert not np.array_equal(kernel.fit_transform(residuals), expected)
