@@ -135,11 +135,10 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
     def _read_sequences(self, X, *, reset):
         """Check sequences and list them as arrays."""
-        if issparse(X):
+        listed = X if _is_listlike(X) else []
+        if issparse(X) or any(map(issparse, listed)):
             raise TypeError("sparse data is not supported; give a list of track arrays")
-        sequences = (
-            [np.asarray(unmasked(as_array(x))) for x in X] if _is_listlike(X) else []
-        )
+        sequences = [np.asarray(unmasked(as_array(x))) for x in listed]
         if not sequences:
             raise ValueError(
                 "X must be a list of track arrays, one per sequence; got "

@@ -678,6 +678,12 @@ FUNCTIONS = [
         TypeError,
     ),
     case(
+        "PerSequence, a sparse sequence",
+        lambda: PerSequence(MotionSegmenter()).fit([X, csr_array(X)]),
+        "sparse data is not supported",
+        TypeError,
+    ),
+    case(
         "PerSequence, labels of fewer sequences",
         lambda: PerSequence(MotionSegmenter()).fit([X, X], [Y]),
         "2 sequences and 1 label arrays",
