@@ -201,7 +201,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     @single_threaded
     def _fit_blocks(self, n_tracks, blocks, n_hypotheses):
         """What ``fit_transform`` does, from a frame pair's residuals at a time."""
-        self.n_hypotheses_ = self._group_size(n_hypotheses, n_hypotheses)
+        self._take_parameters(self._group_size(n_hypotheses, n_hypotheses))
         preferences = Preferences.from_blocks(n_tracks, blocks, self._n_top)
         self.n_features_in_ = len(preferences.rows) * n_hypotheses
         return self._fit_affinity(preferences)
@@ -244,16 +244,19 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
     def _n_features_out(self):
         return self._preferences.n_tracks
 
-    @property
-    def _n_top(self):
-        return max(1, round(self.top * self.n_hypotheses_))
+    def _take_parameters(self, n_hypotheses):
+        """Keep what a fit goes by: other rows are compared with its rows alike."""
+        self.n_hypotheses_ = n_hypotheses
+        self._n_top = max(1, round(self.top * n_hypotheses))
+        self._prior = self.covisibility_prior
+        self._alpha = GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "thresholds_")
 
     def _read_preferences(self, X, *, reset):
         if reset:
-            forget_fit(self)
+            forget_fit(self, ["_preferences"])
         sent = sent_group_size(X)
         X = read_matrix(
             self,
@@ -263,7 +266,7 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             ensure_all_finite="allow-nan",
         )
         if reset:
-            self.n_hypotheses_ = self._group_size(sent, X.shape[1])
+            self._take_parameters(self._group_size(sent, X.shape[1]))
         elif sent not in (None, self.n_hypotheses_):
             raise ValueError(
                 f"the kernel was fitted to {self.n_hypotheses_} hypotheses per frame "
@@ -293,19 +296,17 @@ class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
             co_occurrence(preferences, others),
             common_pairs(preferences, others),
             self._n_top,
-            self.covisibility_prior,
+            self._prior,
         )
 
     def _thresholds(self, affinity, preferences):
-        if self.sparsity is None:
+        if self._alpha is None:
             return np.zeros(len(affinity))
-        n_seen = preferences.seen.sum(axis=1)
-        own = own_affinity(n_seen, self.covisibility_prior)
-        alpha = GRAPH_SPARSITY if self.sparsity == "auto" else self.sparsity
-        return neighbourhood_thresholds(affinity, alpha, own)
+        own = own_affinity(preferences.seen.sum(axis=1), self._prior)
+        return neighbourhood_thresholds(affinity, self._alpha, own)
 
     def _sparsify(self, affinity, thresholds):
-        if self.sparsity is None:
+        if self._alpha is None:
             return affinity
         return sparsify(affinity, thresholds, self.thresholds_)
 

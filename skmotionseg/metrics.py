@@ -596,6 +596,8 @@ def _judged(
 
 
 def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
+    if np.ma.is_masked(labels):  # under a mask is any number
+        raise ValueError(f"{name} must be known throughout; some are masked")
     labels = np.asarray(labels)
     if labels.ndim != 1 or labels.dtype.kind not in "iufb":
         raise ValueError(
@@ -626,7 +628,8 @@ def _n_motions(given):
     if count.ndim > 0:
         labels = _as_labels(given, "labels of a sequence")
         return len(np.unique(labels[labels >= 0]))
-    if count.dtype.kind not in "iuf" or count != np.floor(count) or count < 0:
+    whole = count.dtype.kind in "iuf" and np.isfinite(count) and count % 1 == 0
+    if not whole or count < 0:
         raise ValueError(
             f"a number of motions must be a whole number of 0 or more; got {count}"
         )

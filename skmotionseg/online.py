@@ -19,7 +19,12 @@ from ._core.stream.buffer import UNKNOWN
 from ._core.stream.stream import Event, MotionStream
 from ._parallel.threads import single_threaded
 from ._segmenter.reasons import stream_reasons
-from ._utils.validation import TooFewTracksError, check_farthest, unmasked
+from ._utils.validation import (
+    TooFewTracksError,
+    check_farthest,
+    nothing_masked,
+    unmasked,
+)
 from .segmentation import MotionSegmenter
 
 __all__ = ["Event", "OnlineMotionSegmenter"]
@@ -286,7 +291,8 @@ def _with_first(labels, first):
 
 def _checked_frame(points, track_ids):
     """Points (n, 2) and ids (n,) of a frame, if they are such."""
-    points, ids = np.asarray(unmasked(as_array(points))), np.asarray(track_ids)
+    points = np.asarray(unmasked(as_array(points)))
+    ids = nothing_masked(track_ids, "track_ids")
     if points.size == 0 and ids.size == 0:
         return np.empty((0, 2)), np.empty(0, dtype=np.int64)
     if points.dtype.kind not in "fiu":

@@ -203,6 +203,7 @@ default="homography"
         ndarray of shape (n_tracks, n_pairs * n_hypotheses), float32
             As :meth:`transform` gives them.
         """
+        forget_fit(self)
         points, visibility = unpack_tracks(self._read_tracks(X, reset=True))
         return self._fit(points, visibility)._residuals(points, visibility)
 

@@ -306,9 +306,9 @@ estimator, default="description_length"
     Notes
     -----
     Groups of tracks that are never seen together, not even through other tracks, are
-    assigned to different motions by rules that select by the graph alone, unless
-    ``n_motions`` forbids it. "description_length" assigns them to one motion where
-    nothing shows that they are two.
+    assigned to different motions, unless ``n_motions`` forbids it. "description_length"
+    may assign them to one motion if they have about a dozen tracks each, seen in three
+    or four frames.
 
     Lenses are assumed to keep straight lines straight. Corners that are moved by a few
     percent do little harm; but if lines in the images are visibly bent, undistort the
@@ -508,7 +508,7 @@ estimator, default="description_length"
         """Set what is known of the tracks of a long clip."""
         clock, rng = _Stopwatch(), check_random_state(self.random_state)
         with clock.measure("windows"):
-            found = segment_in_windows(clip, self, rng)
+            found = segment_in_windows(clip, self._plain(), rng)
         self._frames = clip.frames
         self.labels_, self.probabilities_ = found.labels, found.shares
         self.windows_, self.window_counts_ = found.windows, found.counts
@@ -525,6 +525,15 @@ estimator, default="description_length"
         self._known = dict(zip(digests, found.labels.tolist(), strict=True))
         self.stage_seconds_ = clock.with_total()
         return self
+
+    def _plain(self):
+        """The same without what a subclass adds, such as a ``fit`` that changes tracks.
+
+        That has been done of the whole clip, and is not for its windows again; nor need
+        a subclass have all the parameters that are set for windows.
+        """
+        names = MotionSegmenter._get_param_names()
+        return MotionSegmenter(**{name: getattr(self, name) for name in names})
 
     def __sklearn_is_fitted__(self) -> bool:
         return hasattr(self, "labels_")

@@ -23,13 +23,15 @@ from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.caching import as_memory, check_cacheable, recall
 from ._utils.seeds import seed_names
-from ._utils.validation import N_JOBS, check_instance, unmasked
+from ._utils.validation import N_JOBS, check_instance, nothing_masked, unmasked
 from .metrics import misclassification_error
 
 __all__ = ["PerSequence"]
 
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
+# Packages whose calls hand on labels as they are.
+HANDING_ON = ("skmotionseg", "sklearn", "joblib")
 
 register_dask()  # for searches over sequences
 
@@ -133,11 +135,10 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
     def _read_sequences(self, X, *, reset):
         """Check sequences and list them as arrays."""
-        if issparse(X):
+        listed = X if _is_listlike(X) else []
+        if issparse(X) or any(map(issparse, listed)):
             raise TypeError("sparse data is not supported; give a list of track arrays")
-        sequences = (
-            [np.asarray(unmasked(as_array(x))) for x in X] if _is_listlike(X) else []
-        )
+        sequences = [np.asarray(unmasked(as_array(x))) for x in listed]
         if not sequences:
             raise ValueError(
                 "X must be a list of track arrays, one per sequence; got "
@@ -157,7 +158,7 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
         """Check labels against sequences and list them as arrays."""
         if y is None:
             raise ValueError("true labels are needed: a label array per sequence")
-        labels = [np.asarray(labels) for labels in y]
+        labels = [nothing_masked(labels, "labels of a sequence") for labels in y]
         if len(labels) != len(sequences):
             raise ValueError(
                 f"got {len(sequences)} sequences and {len(labels)} label arrays"
@@ -269,16 +270,27 @@ def _refuse_scorers_of_tracks():
 
 
 def _scorers_of_callers():
-    """Yield what functions of scikit-learn among the callers are, or score by."""
+    """Yield what functions of scikit-learn among the callers are, or score by.
+
+    What is called by an estimator of others is left alone: it is that one which is
+    scored, and it may make of labels what it likes, such as their number.
+    """
     frame: FrameType | None = sys._getframe(2)
     for _ in range(MOST_CALLERS):
-        if frame is None:
+        package = _package_of(frame)
+        if frame is None or package not in HANDING_ON:
             return
-        if frame.f_globals.get("__name__", "").startswith("sklearn."):
+        if package == "sklearn":
             for name in ("self", "scorer"):
                 found = frame.f_locals.get(name)
                 yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
+
+
+def _package_of(frame):
+    """The package in which a call is made; empty if that is not known."""
+    name = "" if frame is None else frame.f_globals.get("__name__", "")
+    return name.partition(".")[0]
 
 
 def _is_listlike(X):

@@ -20,7 +20,7 @@ from .._core.geometry.motion_models import (
 from .._core.labels import nearest_votes_in_each
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
-from .._utils.caching import as_memory
+from .._utils.caching import as_memory, recall
 from ..kernels import ORKKernel
 from ..sampling import HypothesisSampler
 from .memory import TRACKS_PER_BATCH
@@ -161,17 +161,16 @@ def fit_views(
     seconds : ndarray of shape (2,)
         For hypotheses and kernels, summed over the models.
     """
-    fit = as_memory(memory).cache(_fit_view)
+    memory, given = as_memory(memory), (points, visibility, pairs, by_others)
     results = run_tasks(
         (
             Task(
                 f"fitting the {model} model",
-                fit,
+                recall,
+                memory,
+                _fit_view,
                 *view,
-                points,
-                visibility,
-                pairs,
-                by_others,
+                *given,
             )
             for model, view in views.items()
         ),
@@ -186,11 +185,12 @@ def fit_views(
     return fitted, affinities, np.sum([seconds for *_, seconds in results], axis=0)
 
 
-def _fit_view(sampler, kernel, points, visibility, pairs, by_others):
+def _fit_view(sampler, kernel, points, visibility, pairs, by_others, version):
     """Fit one model's sampler and kernel; give them, the affinity and the seconds.
 
     The residuals go from one to the other a frame pair at a time: all of them would be
-    the largest array by far.
+    the largest array by far. The version says of what code they are, where they are
+    kept.
     """
     started = time.perf_counter()
     sampler.n_features_in_ = 2 * points.shape[1]

@@ -36,16 +36,16 @@ def check_cacheable(memory: object, random_state: object, name: str) -> None:
         )
 
 
-def recall(memory, segment, estimator, X):
-    """What an estimator says of tracks, from memory, or else put there.
+def recall(memory, function, *arguments):
+    """What a function gives, from memory, or else put there.
 
     Parameters
     ----------
     memory : joblib.Memory
-    segment : callable
-        ``(estimator, X, version) -> result``; the version says of what code it is.
-    estimator : estimator
-    X : array-like of shape (n_tracks, 2 * n_frames)
+    function : callable
+        ``(*arguments, version) -> result``; the version says of what code it is.
+    *arguments
     """
     # Where joblib maps arrays into memory for its workers, they are hashed as others.
-    return memory.cache(segment)(estimator, np.asarray(X), __version__)
+    plain = [np.asarray(a) if isinstance(a, np.ndarray) else a for a in arguments]
+    return memory.cache(function)(*plain, __version__)

@@ -9,6 +9,8 @@ import numpy.typing as npt
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_non_negative, validate_data
 
+from .._core.geometry.tracks import stack_masked
+
 # Constraint of the parameter ``n_jobs``: 0 has no meaning.
 N_JOBS = [
     Interval(Integral, 1, None, closed="left"),
@@ -61,7 +63,7 @@ class TracksInput:
         _check_packed(X)
         X = read_matrix(
             self,
-            unmasked(X),
+            X,
             reset=reset,
             dtype=np.float64,
             ensure_all_finite="allow-nan",
@@ -99,7 +101,8 @@ def _check_packed(X):
 
 
 def unmasked(points):
-    """The points, NaN where a masked array is masked: that is unseen."""
+    """The points, NaN where a masked array, or one of a list, is masked: unseen."""
+    points = stack_masked(points)
     if np.ma.isMaskedArray(points) and points.dtype.kind in "fiu":
         return np.ma.filled(points.astype(float), np.nan)
     return points
@@ -107,9 +110,10 @@ def unmasked(points):
 
 def farthest_from_zero(points):
     """The largest absolute coordinate; 0 where there is none."""
+    # As floats: half precision ends below FARTHEST, and integers are not all negated.
     return max(
-        np.fmax.reduce(points, axis=None, initial=0),
-        -np.fmin.reduce(points, axis=None, initial=0),
+        float(np.fmax.reduce(points, axis=None, initial=0)),
+        -float(np.fmin.reduce(points, axis=None, initial=0)),
     )
 
 
@@ -185,10 +189,11 @@ def read_matrix(estimator, X, **checks):
     """What :func:`~sklearn.utils.validation.validate_data` gives, without a warning.
 
     It looks for infinities in the sum of all numbers, and NumPy warns where there are
-    some of both signs; the error that is due is the same.
+    some of both signs; the error that is due is the same. It takes what is under the
+    mask of a masked array for a number, which here is NaN.
     """
     with np.errstate(invalid="ignore"):
-        return validate_data(estimator, X, **checks)
+        return validate_data(estimator, unmasked(X), **checks)
 
 
 def read_affinities(estimator, X):
@@ -248,6 +253,13 @@ def check_n_groups(name, count, graph):
         )
 
 
+def nothing_masked(numbers: npt.ArrayLike, name: str) -> npt.NDArray:
+    """Labels or ids as an array, if no mask hides any of them."""
+    if np.ma.is_masked(numbers):
+        raise ValueError(f"{name} must be known throughout; some are masked")
+    return np.asarray(numbers)
+
+
 def check_labels(
     labels: npt.ArrayLike, name: str = "labels"
 ) -> npt.NDArray[np.integer]:
@@ -264,7 +276,7 @@ def check_labels(
     ValueError
         If they are no vector, or no whole numbers.
     """
-    labels = np.asarray(labels)
+    labels = nothing_masked(labels, name)
     if labels.ndim != 1:
         raise ValueError(f"{name} must be a vector; got shape {labels.shape}")
     if not labels.size:
@@ -291,7 +303,7 @@ def check_label_each(
     ValueError
         If there are more or fewer, or they are no whole numbers.
     """
-    labels = np.asarray(labels)
+    labels = nothing_masked(labels, name)
     if labels.shape != (n_tracks,):
         raise ValueError(
             f"{n_tracks} tracks need one label each; got {name} of shape {labels.shape}"
@@ -313,7 +325,7 @@ def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer
     ValueError
         If there are more or fewer, or one is no such number.
     """
-    ids = np.asarray(track_ids)
+    ids = nothing_masked(track_ids, "track_ids")
     if ids.shape != (n_tracks,):
         raise ValueError(f"{n_tracks} tracks need an id each; got shape {ids.shape}")
     if ids.dtype.kind in "iu":

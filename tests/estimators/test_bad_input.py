@@ -18,6 +18,8 @@ from skmotionseg import (
     datasets,
     make_motion_pipeline,
     pack_tracks,
+    save_motions,
+    static_mask,
     unpack_tracks,
 )
 from skmotionseg._core.graph import spectral
@@ -29,6 +31,7 @@ from skmotionseg.metrics import (
     motion_count_accuracy,
 )
 from skmotionseg.plotting import plot_motions
+from skmotionseg.preprocessing import select_balanced_tracks
 
 X, Y = make_rigid_motions(n_tracks=20, n_frames=4, missing=0, random_state=0)
 K = np.kron(np.eye(2), np.ones((3, 3)))  # affinities of two groups of three
@@ -345,6 +348,7 @@ def test_bad_parameters(call, error, words, no_work):
         ),
         pytest.param(K - 0.1, "Negative values", id="negative"),
         pytest.param(changed(K, np.nan), "contains NaN", id="NaN"),
+        pytest.param(np.ma.masked_less(K, 1), "contains NaN", id="masked"),
         pytest.param(changed(K, np.inf), "infinity", id="infinity"),
         pytest.param(
             changed(K, [-np.inf, np.inf], (0, [0, 1])), "infinity", id="infinities"
@@ -505,6 +509,38 @@ FUNCTIONS = [
         "y_true must be a list of whole numbers",
     ),
     case(
+        "misclassification_error, masked true labels",
+        lambda: misclassification_error(np.ma.MaskedArray([0, 1], [0, 1]), [0, 1]),
+        "y_true must be known throughout; some are masked",
+    ),
+    case(
+        "static_mask, masked labels",
+        lambda: static_mask(X, np.ma.masked_equal(np.arange(len(X)) % 2, 0)),
+        "labels must be known throughout",
+    ),
+    case(
+        "select_balanced_tracks, masked labels",
+        lambda: select_balanced_tracks(np.ma.MaskedArray([0, 1], [0, 1])),
+        "labels must be known throughout",
+    ),
+    case(
+        "save_motions, masked ids",
+        lambda: save_motions(
+            "folder",
+            X,
+            np.zeros(len(X), int),
+            track_ids=np.ma.masked_equal(np.arange(len(X)), 0),
+        ),
+        "track_ids must be known throughout",
+    ),
+    case(
+        "PerSequence, masked labels",
+        lambda: PerSequence(MotionSegmenter()).fit(
+            [X], [np.ma.masked_equal(np.arange(len(X)) % 2, 0)]
+        ),
+        "labels of a sequence must be known throughout",
+    ),
+    case(
         "misclassification_error, two axes",
         lambda: misclassification_error([[0, 1]], [0, 1]),
         r"y_true must be a list .* shape \(1, 2\)",
@@ -533,6 +569,11 @@ FUNCTIONS = [
         "motion_count_accuracy, a negative count",
         lambda: motion_count_accuracy([-3], [-3]),
         "whole number of 0 or more; got -3",
+    ),
+    case(
+        "motion_count_accuracy, an infinite count",
+        lambda: motion_count_accuracy([np.inf], [2]),
+        "whole number of 0 or more; got inf",
     ),
     case(
         "motion_count_accuracy, NaN",
@@ -633,6 +674,12 @@ FUNCTIONS = [
     case(
         "PerSequence, sparse",
         lambda: PerSequence(MotionSegmenter()).fit(csr_array(X)),
+        "sparse data is not supported",
+        TypeError,
+    ),
+    case(
+        "PerSequence, a sparse sequence",
+        lambda: PerSequence(MotionSegmenter()).fit([X, csr_array(X)]),
         "sparse data is not supported",
         TypeError,
     ),

@@ -311,6 +311,25 @@ def test_a_fit_that_fails_leaves_nothing_of_it_nor_of_another(estimator, tracks)
                 getattr(fitted, apply)(X)
 
 
+def test_a_sampler_whose_fit_transform_fails_is_not_fitted(tracks):
+    """Hypotheses of the clip before are none of one that has more frames."""
+    X, _ = tracks
+    longer, _ = make_rigid_motions(60, 8, 2, random_state=1)
+    sampler = HypothesisSampler("fundamental", **SMALL).fit(X)
+    with pytest.raises(ValueError, match="needs 8 tracks"):
+        sampler.fit_transform(longer[:5])
+    with pytest.raises(NotFittedError):
+        sampler.transform(longer)
+
+
+def test_a_kernel_whose_fit_fails_names_no_columns():
+    kernel = ORKKernel(n_hypotheses=50).fit(np.ones((20, 50)))
+    with pytest.raises(ValueError, match="got 49 columns"):
+        kernel.fit(np.ones((30, 49)))
+    with pytest.raises(NotFittedError):
+        kernel.get_feature_names_out()
+
+
 @pytest.mark.parametrize(
     "estimator",
     [MultiModelSpectralClustering(2), NCREModelSelector(), ORKKernel(n_hypotheses=50)],
@@ -358,6 +377,24 @@ def test_a_scorer_of_scikit_learn_says_what_to_use(sequences):
     estimator = PerSequence(MotionSegmenter(2, **QUICK)).fit(X, y)
     with pytest.raises(ValueError, match=USE):
         get_scorer("adjusted_rand_score")(estimator, X, y)
+
+
+class CountOfSequences(BaseEstimator):
+    """An estimator of others: says of each sequence how many motions it has."""
+
+    def fit(self, X, y=None):
+        self.segmenter_ = PerSequence(MotionSegmenter(2, **QUICK)).fit(X)
+        return self
+
+    def predict(self, X):
+        return [labels.max() + 1 for labels in self.segmenter_.predict(X)]
+
+
+def test_what_is_made_of_labels_may_be_scored_by_scikit_learn(sequences):
+    X, y = sequences
+    counts = [len(set(labels)) for labels in y]
+    params = {"scoring": "neg_mean_absolute_error", "cv": 2, "error_score": "raise"}
+    assert_array_equal(cross_val_score(CountOfSequences(), X, counts, **params), 0)
 
 
 @pytest.mark.parametrize("scoring", ["adjusted_rand_score", adjusted_rand_score])
@@ -778,3 +815,15 @@ def test_residuals_are_of_the_model_that_was_fitted(tracks):
     expected = sampler.transform(X)
     sampler.set_params(model="fundamental")
     assert_array_equal(sampler.transform(X), expected)
+
+
+@pytest.mark.parametrize(
+    "change", [{"top": 0.5}, {"sparsity": None}, {"covisibility_prior": 0}]
+)
+def test_affinities_are_by_the_parameters_of_the_fit(change, tracks):
+    residuals = HypothesisSampler(**SMALL).fit_transform(tracks[0])
+    kernel = ORKKernel()
+    expected = kernel.fit_transform(residuals)
+    kernel.set_params(**change)
+    assert_array_equal(kernel.transform(residuals), expected)
+    assert not np.array_equal(kernel.fit_transform(residuals), expected)

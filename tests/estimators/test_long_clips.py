@@ -326,3 +326,29 @@ def test_a_window_is_fitted_once_into_each_number(monkeypatch):
     assert windows.of([1, 0], [3, 2])[1] is first[0]
     windows.of([0], [2], attempt=1)
     assert fits == [2, 3, 2]
+
+
+class OfHalves(MotionSegmenter):
+    """Has tracks of every second pixel, and one parameter."""
+
+    def __init__(self, random_state=None):
+        super().__init__(2, n_hypotheses=20, random_state=random_state)
+
+    def fit(self, X, y=None):
+        return super().fit(2 * X)
+
+
+def test_windows_of_a_subclass_are_fitted_once(monkeypatch):
+    X, _ = make_rigid_motions(40, 104, 2, missing=0, random_state=0)
+    fitted = []
+
+    def segment(estimator, X, version):
+        assert type(estimator) is MotionSegmenter
+        assert (estimator.n_hypotheses, estimator.max_motions) == (20, 2)
+        fitted.append(X)
+        return np.arange(len(X)) % 2, 1.0, 0.0
+
+    monkeypatch.setattr(long_clips, "_segment", segment)
+    segmenter = OfHalves(random_state=0).fit(X)
+    assert segmenter.n_motions_ == 2
+    assert_array_equal(np.hstack(fitted)[:, :60], 2 * X[:, :60])

@@ -355,8 +355,22 @@ def test_masked_points_are_unseen():
     masked = np.ma.masked_invalid(X)
     masked.data[masked.mask] = 7.0  # what is under a mask does not count
     segmenter = MotionSegmenter(2, selection="ncre", n_hypotheses=50, random_state=0)
-    expected, labels = (segmenter.fit_predict(tracks) for tracks in (X, masked))
-    assert_array_equal(labels, expected)
+    expected = segmenter.fit_predict(X)
+    for tracks in (masked, list(masked)):
+        assert_array_equal(segmenter.fit_predict(tracks), expected)
+        assert_array_equal(segmenter.predict(tracks), expected)
+
+
+def test_masked_residuals_are_of_pairs_that_do_not_see_the_track():
+    X, _ = make_rigid_motions(60, 5, 2, missing=0.2, random_state=0)
+    sampler = HypothesisSampler("affine", n_hypotheses=50, random_state=0)
+    residuals = np.asarray(sampler.fit_transform(X))
+    masked = np.ma.masked_invalid(residuals)
+    masked.data[masked.mask] = 0  # of a track that would fit all hypotheses
+    kernel = ORKKernel(n_hypotheses=50)
+    expected = kernel.fit_transform(residuals)
+    assert_array_equal(kernel.fit_transform(masked), expected)
+    assert_array_equal(kernel.transform(list(masked)), expected)
 
 
 def test_tracks_of_photographs_are_seen_in_pairs_of_any_distance():

@@ -309,6 +309,7 @@ BAD = {
     "words": (TypeError, "real numbers", [["a", "b"]], [0]),
     "ids that are no whole numbers": (TypeError, "whole", [[1.0, 2.0]], [0.5]),
     "large ids": (ValueError, "below 2", [[1.0, 2.0]], np.array([2**63], np.uint64)),
+    "masked ids": (ValueError, "masked", [[1.0, 2.0]], np.ma.MaskedArray([0], True)),
     "complex": (TypeError, "real numbers", [[1j, 2.0]], [0]),
 }
 
@@ -388,7 +389,8 @@ def test_a_search_has_no_fewer_motions_than_live_unless_it_is_sure(
 
 def test_masked_and_absurd_points_are_refused(movie):
     hidden = np.ma.MaskedArray([[5.0, 5.0]], mask=True)
-    for points in (hidden, [[1e200, 5.0]]):
+    lowest = np.array([[np.iinfo(np.int64).min, 5]])  # has no absolute value
+    for points in (hidden, [[1e200, 5.0]], lowest):
         segmenter = OnlineMotionSegmenter()
         with pytest.raises(ValueError, match=r"must be (finite|in pixels)"):
             segmenter.update(points, [0])
@@ -403,6 +405,12 @@ def test_points_may_be_a_data_frame():
     points.loc[0, "x"] = pandas.NA
     with pytest.raises(ValueError, match="for track 7"):
         segmenter.update(points, [7, 9])
+
+
+@pytest.mark.parametrize("dtype", [np.float16, np.float32, np.int8, np.uint16])
+def test_points_may_be_of_any_precision(dtype):
+    points = np.array([[1, 2], [3, 4]], dtype=dtype)
+    assert_array_equal(OnlineMotionSegmenter().update(points, [7, 9]), [-1, -1])
 
 
 def test_numbers_of_labels_are_of_motions_in_view():

@@ -11,7 +11,7 @@ import pytest
 from helpers import fourth_model
 from helpers.own_models import SHIFT
 from helpers.scripts import run_limited
-from joblib import Memory
+from joblib import Memory, parallel_config
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
 from sklearn.cluster import AgglomerativeClustering
@@ -343,6 +343,24 @@ def test_another_setting_is_not_taken_from_the_cache(scene, fits, tmp_path, othe
     for params in (PAPER, PAPER | other):
         MotionSegmenter(3, memory=str(tmp_path), **params).fit(scene[0][:, :6])
     assert fits == {"HypothesisSampler": 6, "ORKKernel": 6}
+
+
+def test_views_of_other_code_are_not_taken_from_the_cache(
+    scene, fits, tmp_path, monkeypatch
+):
+    segmenter = MotionSegmenter(3, memory=str(tmp_path), **PAPER)
+    segmenter.fit(scene[0][:, :6])
+    monkeypatch.setattr("skmotionseg._utils.caching.__version__", "another")
+    segmenter.fit(scene[0][:, :6])
+    assert fits == {"HypothesisSampler": 6, "ORKKernel": 6}
+
+
+def test_workers_find_again_what_this_process_has_kept(scene, tmp_path):
+    segmenter = MotionSegmenter(3, memory=str(tmp_path), **PAPER).fit(scene[0])
+    kept = {*tmp_path.rglob("output.pkl")}
+    with parallel_config("loky", n_jobs=2, max_nbytes=100):  # maps all larger arrays
+        segmenter.fit(scene[0])
+    assert len(kept) == 3 and {*tmp_path.rglob("output.pkl")} == kept
 
 
 def test_the_cache_changes_no_label(scene, tmp_path):

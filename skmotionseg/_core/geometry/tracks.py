@@ -148,8 +148,7 @@ def as_array(values: Any) -> np.ndarray:
     """
     if hasattr(values, "detach"):  # on another device, or with a gradient
         values = values.detach().cpu().numpy()
-    if isinstance(values, list | tuple) and any(map(np.ma.isMaskedArray, values)):
-        return np.ma.stack(values)
+    values = stack_masked(values)
     array = values if np.ma.isMaskedArray(values) else np.asarray(values)
     if array.dtype.kind != "O":
         return array
@@ -157,6 +156,16 @@ def as_array(values: Any) -> np.ndarray:
         array = values.astype(object).where(values.notna(), np.nan).to_numpy()
     numbers = all(isinstance(each, Real) for each in array.flat)
     return array.astype(float) if numbers else array
+
+
+def stack_masked(values: Any) -> Any:
+    """A masked array, of a list of some; all else as it is.
+
+    An array that is made of such a list otherwise holds what is under the masks.
+    """
+    if isinstance(values, list | tuple) and any(map(np.ma.isMaskedArray, values)):
+        return np.ma.stack(values)
+    return values
 
 
 def _drop_batch(
