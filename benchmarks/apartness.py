@@ -37,7 +37,7 @@ from .measuring import show_progress
 from .scenes_bench import scenes_of
 from .watching import WITHOUT_WINDOWS, compared_steps
 
-NAMES = "gain", "links", "far", "cross"
+NAMES = "gain", "links", "far", "cross", "few"
 # Times that the groups that decide are looked for. The constants are the means of the
 # last ones and those of a regression, as they may go to and fro.
 ROUNDS = 15
@@ -100,7 +100,9 @@ def _partition(search, step):
     compared = search.comparisons.found
     found = [compared[key] for key in keys if key in compared]
     known = [
-        evidence(each.size, each.gain, each.links, each.far, each.cross)
+        evidence(
+            each.size, each.gain, each.links, each.far, each.cross, len(step.labels)
+        )
         for each in found
     ]
     # The two are the same number only where one is taken for the other.

@@ -18,10 +18,12 @@ from .side_by_side import side_by_side
 
 # Log odds of two groups being different motions, for each kind of :func:`evidence`, and
 # without any: what the number of motions is told by. By a logistic regression on pairs
-# of groups that decide in simulated scenes (``python -m benchmarks.apartness``), before
-# fits were kept in front of the camera, and had a term for what is behind.
-GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.72, 1.3, 5.15, 1.36
-PRIOR = -8.46
+# of groups that decide in simulated scenes (``python -m benchmarks.apartness``).
+GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.73, 1.42, 4.02, 1.33
+FEW_WEIGHT, PRIOR = 1.35, -8.13
+# Tracks of a clip below which the same evidence says more, the fewer there are: links
+# are fewer, too, and what is gained counts by the size of a group.
+FEW_TRACKS = 100
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,
 # those of all tracks. By a regression, too, on scenes of rigid bodies and relief.
@@ -240,9 +242,9 @@ class Comparisons:
         links = self.links.between(*map(_telling, explained, pair.groups))
         far = infinitely_far(*self._placed(explained, joint)) if told else 0.0
         cross = self._cross(pair)
-        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT
+        weights = GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT, FEW_WEIGHT
         size = min(map(len, pair.groups))
-        known = evidence(size, gain, links, far, cross)
+        known = evidence(size, gain, links, far, cross, self.windows.seen.shape[1])
         log_odds = np.dot(weights, known) + PRIOR
         if far > 0 and self._one_rests(explained):
             log_odds += REST_WEIGHT * min(far, 1.0)
@@ -332,20 +334,22 @@ class Comparisons:
         return totals[k] / min(map(len, groups)), joints[k]
 
 
-def evidence(size, gain, links, far, cross):
+def evidence(size, gain, links, far, cross, n_tracks):
     """What says that two groups are different motions: what :class:`Apartness` has.
 
     Returns
     -------
-    ndarray of shape (4,)
+    ndarray of shape (5,)
         The logarithm of one plus the gain, times that of the size; minus the logarithm
         of the links; the square root of how clearly one of the groups is at infinity;
-        and how much worse either's motion explains the other. Log odds are a sum of
-        these, each with its weight.
+        how much worse either's motion explains the other; and the logarithm of how many
+        times fewer tracks than ``FEW_TRACKS`` there are. Log odds are a sum of these,
+        each with its weight.
     """
     gained = np.log(size) * np.log1p(max(gain, 0.0))
     apart = _fewness(links, FEWEST_LINKS)
-    return np.array([gained, apart, np.sqrt(far), cross])
+    few = np.log(FEW_TRACKS / min(n_tracks, FEW_TRACKS))
+    return np.array([gained, apart, np.sqrt(far), cross, few])
 
 
 def _fewness(links, fewest):
