@@ -32,6 +32,7 @@ from ._core.graph.clustering import cluster_graph
 from ._core.graph.fusion import check_fusion
 from ._core.graph.spectral import connected_tracks
 from ._core.labels import canonical_labels, follow_pairs
+from ._core.partition.apartness import FEW_TRACKS
 from ._core.partition.motions import fit_motions
 from ._core.partition.scene import background_motion, spread_frames
 from ._core.partition.search import SPARSITIES, count_probabilities, search_partitions
@@ -489,7 +490,7 @@ estimator, default="description_length"
             self.n_jobs,
             self.memory,
             self._covisible_pairs(visibility),
-            by_others=self._by_length,
+            by_others=self._by_length and len(fitted[0]) <= FEW_TRACKS,
         )
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..geometry.windows import FOCAL_STEPS
 from ..labels import groups_of
-from .grown_motions import FEW_TRACKS
+from .apartness import FEW_TRACKS
 from .local_search import split
 from .rigid_search import Step
 from .side_by_side import side_by_side

@@ -14,10 +14,11 @@ from ..graph.cuts import own_shares
 from ..graph.neighbourhood import strongest
 from ..graph.spectral import ViewGraph, connected_tracks
 from ..labels import canonical_labels, nearest_votes_in_each
+from .apartness import FEW_TRACKS
 from .clip import OVERSEGMENTATION, Clip
 from .cost import COST_NAMES, COST_WEIGHTS, Cost
 from .frame_pair_partitions import frame_pair_partitions
-from .grown_motions import FEW_TRACKS, GrownMotions
+from .grown_motions import GrownMotions
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
 from .photograph_partitions import are_photographs, photograph_partitions
