@@ -198,7 +198,8 @@ def _fit_view(sampler, kernel, points, visibility, pairs, by_others, version):
     sampled = time.perf_counter()
     blocks = sampler._blocks(points, visibility)
     if by_others:
-        blocks = of_others(blocks, sampler.minimal_sets_)
+        pairs = sampler.frame_pairs_
+        blocks = of_others(blocks, sampler.minimal_sets_, points, pairs)
     affinity = kernel._fit_blocks(len(points), blocks, sampler.n_hypotheses)
     done = time.perf_counter()
     return sampler, kernel, affinity, (sampled - started, done - sampled)

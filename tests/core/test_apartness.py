@@ -16,6 +16,7 @@ from numpy.testing import assert_allclose
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS, Windows
 from skmotionseg._core.labels import groups_of
 from skmotionseg._core.partition.apartness import (
+    FEW_TRACKS,
     FEWEST_LINKS,
     MOST_CROSS,
     Pair,
@@ -85,26 +86,29 @@ def test_outliers_in_groups_do_not_link_them(scene):
 
 
 def test_evidence_grows_with_all_that_tells_motions_apart():
-    nothing = 0.0, 1.0, 0.0, 0.0
+    nothing = 0.0, 1.0, 0.0, 0.0, FEW_TRACKS
     least = evidence(20, *nothing)
     assert_allclose(evidence(20, -1.0, *nothing[1:]), least)
-    for k, value in enumerate([2, 0, 1, 1]):
+    assert_allclose(evidence(20, *nothing[:-1], 10 * FEW_TRACKS), least)
+    for k, value in enumerate([2, 0, 1, 1, FEW_TRACKS // 2]):
         more = evidence(20, *nothing[:k], value, *nothing[k + 1 :]) - least
         assert more[k] > 0
         assert_allclose(np.delete(more, k), 0, atol=1e-12)
-    known = 1.0, 1 - FEWEST_LINKS, 0.25, 2.0
-    assert_allclose(evidence(20, *known), [np.log(20) * np.log(2), 0, 0.5, 2.0])
+    known = 1.0, 1 - FEWEST_LINKS, 0.25, 2.0, FEW_TRACKS / 3
+    told = [np.log(20) * np.log(2), 0, 0.5, 2.0, np.log(3)]
+    assert_allclose(evidence(20, *known), told)
 
 
 def test_more_links_than_by_chance_say_no_more():
-    by_chance, many = (evidence(20, 1.0, links, 0, 0) for links in (1.0, 30.0))
+    by_chance, many = (evidence(20, 1.0, links, 0, 0, 50) for links in (1.0, 30.0))
     assert_allclose(many, by_chance)
 
 
 def test_a_gain_says_more_of_two_large_groups_than_of_small_ones():
-    few, many = (evidence(size, 1.0, 1.0, 0, 0) for size in (10, 100))
+    few, many = (evidence(size, 1.0, 1.0, 0, 0, 50) for size in (10, 100))
     assert_allclose(many[0], 2 * few[0])
-    assert_allclose(evidence(100, 0.0, 1.0, 0, 0), evidence(10, 0.0, 1.0, 0, 0))
+    none, of_none = (evidence(size, 0.0, 1.0, 0, 0, 50) for size in (10, 100))
+    assert_allclose(of_none, none)
 
 
 def test_motions_are_apart_by_how_badly_either_explains_the_other(scene):

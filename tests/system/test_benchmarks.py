@@ -274,7 +274,7 @@ def test_a_number_is_decided_in_the_best_partition_by_those_least_apart():
 def test_weights_are_learnt_from_the_groups_that_decide(capsys):
     """One more motion is a part of another; where, no other pair of groups tells."""
     rng = np.random.RandomState(0)
-    evidence = rng.normal(2, 1, size=(60, 4, 4))
+    evidence = rng.normal(2, 1, size=(60, 4, len(apartness.NAMES)))
     evidence[:, 3] -= 4
     decisions = [([partition(*four[:1])], [partition(*four[1:])]) for four in evidence]
     decisions += [([], each[1]) for each in decisions[:10]]  # of one motion

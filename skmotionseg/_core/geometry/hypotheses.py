@@ -13,6 +13,9 @@ from .tracks import apply_similarity, normalization, similarity
 # a degenerate draw, one set in a million is still degenerate at the end.
 MAX_REDRAWS = 20
 
+# Tracks below which two of them are left out of too few minimal sets of eight.
+FEWEST_OTHERS = 12
+
 # Minimal sets that are fitted at a time: what is in work then stays in the cache.
 SETS_A_BATCH = 2000
 
@@ -234,11 +237,11 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
         yield rows, residuals.reshape(-1, len(models))[: len(rows)]
 
 
-def of_others(blocks, minimal_sets):
+def of_others(blocks, minimal_sets, points, pairs):
     """Residuals of tracks to hypotheses that were fitted to others.
 
-    A model fits its own minimal set whatever that holds: of a hundred tracks, each is
-    in 8 % of the sets of eight, most of them from several motions, and would prefer
+    A model fits its own minimal set whatever that holds: of thirty tracks, each is in a
+    quarter of the sets of eight, most of them from several motions, and would prefer
     these to the few from its own motion alone.
 
     Parameters
@@ -247,16 +250,23 @@ def of_others(blocks, minimal_sets):
         As from :func:`residual_blocks`, of the tracks that hypotheses were fitted to.
     minimal_sets : ndarray of int, shape (n_pairs, n_hypotheses, p)
         As from :func:`draw_hypotheses`.
+    points : ndarray of shape (n_tracks, n_frames, 2)
+    pairs : ndarray of int, shape (n_pairs, 2)
 
     Yields
     ------
     rows, residuals
-        Infinite where a track is in the minimal set.
+        Infinite where a track is in the minimal set, or just where one is that is; as
+        they are in a pair that sees fewer than ``FEWEST_OTHERS`` tracks.
     """
-    for (rows, residuals), sets in zip(blocks, minimal_sets, strict=True):
-        if len(rows):
-            own = np.searchsorted(rows, sets)
-            residuals[own, np.arange(len(sets))[:, None]] = np.inf
+    for (rows, residuals), sets, pair in zip(blocks, minimal_sets, pairs, strict=True):
+        if len(rows) >= FEWEST_OTHERS:
+            places = points[rows][:, pair].reshape(len(rows), -1)
+            _, place = np.unique(places, axis=0, return_inverse=True)
+            own = np.zeros((len(rows), len(sets)), dtype=bool)
+            taken = place[np.searchsorted(rows, sets)]
+            own[taken, np.arange(len(sets))[:, None]] = True
+            residuals[own[place]] = np.inf
         yield rows, residuals
 
 
