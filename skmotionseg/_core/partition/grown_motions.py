@@ -1,6 +1,7 @@
 """Partitions of few tracks to start from, by motions that are grown from neighbours.
 
-Of few tracks, most samples mix motions, each is linked to most others, and over-segments are too small to say which are of one. But the neighbours of nearly each
+Of few tracks, most samples mix motions, each is linked to most others, and
+over-segments are too small to say which are of one. But the neighbours of nearly each
 track can be tried: their motion is fitted again and again to the tracks that it
 explains best, ever more of them, and of all that are grown, those are taken by which
 the tracks cost least.
