@@ -288,7 +288,9 @@ estimator, default="description_length"
         it has too few tracks to look for any, and 1 where no probability is computed.
     views_ : dict of str to (HypothesisSampler, ORKKernel)
         The estimators of each model, fitted to the landmarks in the frames in which any
-        track is seen.
+        track is seen. If there are at most a hundred, and ``selection`` is
+        "description_length", each prefers hypotheses among those that were fitted to
+        others (``minimal_sets_``), which the kernels do not know of other tracks.
     selector_ : estimator or None
         The selector that was fitted to the affinities, unless ``selection`` is
         "description_length".
