@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
 from collections.abc import Sequence
+from contextlib import contextmanager
 
 from ._commands.bench import add_bench
 from ._commands.demo import add_demo
@@ -13,6 +15,10 @@ from ._commands.segment import add_segment
 from ._version import __version__
 
 __all__ = ["main"]
+
+# For joblib's process that tidies up after workers that were interrupted: it names what
+# it removed, after all that this command has to say.
+TIDIES_IN_SILENCE = "ignore:resource_tracker:UserWarning"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -42,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = _parser().parse_args(argv)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), tidied_in_silence():
             warnings.showwarning = _print_warning
             return arguments.run(arguments) or 0
     except (ImportError, OSError, ValueError, TypeError) as error:
@@ -55,6 +61,21 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _print_warning(message, *where, **file):
     print(f"skmotionseg: warning: {message}", file=sys.stderr)
+
+
+@contextmanager
+def tidied_in_silence():
+    """Processes that are started within this say nothing of what they tidy up."""
+    name = "PYTHONWARNINGS"
+    before = os.environ.get(name)
+    os.environ[name] = ",".join(filter(None, [before, TIDIES_IN_SILENCE]))
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[name]
+        else:
+            os.environ[name] = before
 
 
 def _parser():

@@ -22,6 +22,7 @@ from ._parallel.engine import register_dask, run_tasks
 from ._parallel.tasks import Task
 from ._parallel.threads import single_threaded
 from ._utils.caching import as_memory, check_cacheable, recall
+from ._utils.callers import LIBRARIES, package_of
 from ._utils.seeds import seed_names
 from ._utils.validation import N_JOBS, check_instance, nothing_masked, unmasked
 from .metrics import misclassification_error
@@ -30,8 +31,6 @@ __all__ = ["PerSequence"]
 
 # Calls between a search and an estimator, some of them in a pipeline.
 MOST_CALLERS = 20
-# Packages whose calls hand on labels as they are.
-HANDING_ON = ("skmotionseg", "sklearn", "joblib")
 
 register_dask()  # for searches over sequences
 
@@ -277,20 +276,13 @@ def _scorers_of_callers():
     """
     frame: FrameType | None = sys._getframe(2)
     for _ in range(MOST_CALLERS):
-        package = _package_of(frame)
-        if frame is None or package not in HANDING_ON:
+        if frame is None or package_of(frame) not in LIBRARIES:
             return
-        if package == "sklearn":
+        if package_of(frame) == "sklearn":
             for name in ("self", "scorer"):
                 found = frame.f_locals.get(name)
                 yield from getattr(found, "_scorers", {name: found}).values()
         frame = frame.f_back
-
-
-def _package_of(frame):
-    """The package in which a call is made; empty if that is not known."""
-    name = "" if frame is None else frame.f_globals.get("__name__", "")
-    return name.partition(".")[0]
 
 
 def _is_listlike(X):

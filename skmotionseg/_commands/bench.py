@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 
 from .._utils.optional import require
@@ -30,9 +29,6 @@ RESUME_HELP = (
     "that are in it already, with the same tracks, method, parameters, seed and code "
     "of this package, are not repeated"
 )
-# For joblib's process that tidies up after workers that were interrupted: it names what
-# it removed, after all that this command has to say.
-TIDIES_IN_SILENCE = "ignore:resource_tracker:UserWarning"
 
 
 def add_bench(commands):
@@ -148,7 +144,7 @@ def _run_paper(arguments, console, journal):
 
 def _collect(arguments, sequences, batches):
     """All records, in order; written to a file if one is asked for."""
-    with tidied_in_silence(), closing(batches):  # and whoever works on them
+    with closing(batches):  # and whoever works on them
         shown = with_progress(
             batches,
             len(sequences) * arguments.seeds,
@@ -164,21 +160,6 @@ def _collect(arguments, sequences, batches):
         with replacing(arguments.json) as file:
             file.write(json.dumps(records, indent=1).encode())
     return records
-
-
-@contextmanager
-def tidied_in_silence():
-    """Processes that are started within this say nothing of what they tidy up."""
-    name = "PYTHONWARNINGS"
-    before = os.environ.get(name)
-    os.environ[name] = ",".join(filter(None, [before, TIDIES_IN_SILENCE]))
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ[name]
-        else:
-            os.environ[name] = before
 
 
 def _print_tables(console, records, methods):

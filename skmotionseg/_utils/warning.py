@@ -5,8 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 
-# Whose frames lie between the code of a user and what warns.
-LIBRARIES = ("skmotionseg", "sklearn", "joblib")
+from .callers import LIBRARIES, package_of
 
 
 def warn_user(message: str) -> None:
@@ -17,10 +16,6 @@ def warn_user(message: str) -> None:
     """
     # From Python 3.12 on, ``skip_file_prefixes`` would do the same.
     level, frame = 2, sys._getframe(1)
-    while frame.f_back is not None and _in_library(frame):
+    while frame.f_back is not None and package_of(frame) in LIBRARIES:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, stacklevel=level)
-
-
-def _in_library(frame):
-    return frame.f_globals.get("__name__", "").partition(".")[0] in LIBRARIES

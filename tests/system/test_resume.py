@@ -44,7 +44,7 @@ run_tasks(tasks, n_jobs=2, prefer="processes")
 LEAVES_A_FOLDER = """
 import sys
 from joblib.externals.loky.backend import resource_tracker
-from skmotionseg._commands.bench import tidied_in_silence
+from skmotionseg.cli import tidied_in_silence
 with tidied_in_silence():
     resource_tracker.register(sys.argv[1], "folder")
 """

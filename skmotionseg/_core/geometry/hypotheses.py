@@ -189,9 +189,8 @@ def _replace_degenerate(fitted, sets, shifts, model, random_state):
         taken[missing] = np.resize(sound, missing.sum())
         return fitted[taken], sets[taken]
     drawn = random_state.randint(len(shifts), size=len(fitted))
-    return model.from_translation(shifts[drawn]), np.repeat(
-        drawn[:, None], sets.shape[1], axis=1
-    )
+    sets = np.tile(drawn[:, None], sets.shape[1])
+    return model.from_translation(shifts[drawn]), sets
 
 
 def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale):
