@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = _parser().parse_args(argv)
     try:
-        with warnings.catch_warnings(), tidied_in_silence():
+        with warnings.catch_warnings(), _tidied_in_silence():
             warnings.showwarning = _print_warning
             return arguments.run(arguments) or 0
     except (ImportError, OSError, ValueError, TypeError) as error:
@@ -64,7 +64,7 @@ def _print_warning(message, *where, **file):
 
 
 @contextmanager
-def tidied_in_silence():
+def _tidied_in_silence():
     """Processes that are started within this say nothing of what they tidy up."""
     name = "PYTHONWARNINGS"
     before = os.environ.get(name)

@@ -44,8 +44,8 @@ run_tasks(tasks, n_jobs=2, prefer="processes")
 LEAVES_A_FOLDER = """
 import sys
 from joblib.externals.loky.backend import resource_tracker
-from skmotionseg.cli import tidied_in_silence
-with tidied_in_silence():
+from skmotionseg.cli import _tidied_in_silence
+with _tidied_in_silence():
     resource_tracker.register(sys.argv[1], "folder")
 """
 RUN = {"sequence": "one", "seed": 0}
