@@ -37,9 +37,6 @@ FEWEST_MOVED, FEWEST_BACK, MOST_IMAGES = 0.04, 0.15, 30
 # Pairs that are looked at, and those that are parted: the ones with most tracks in
 # common. More than are parted, as some tracks of twelve images are in none of these.
 MOST_PAIRS, MOST_PARTED = 100, 24
-# How often changes of the partition of a pair are tried again: not at all, as what one
-# pair has wrong, others have right.
-SWEEPS = 0
 # Agreements above which groups are merged, the next where fewer groups are left than
 # there must be.
 AGREEMENTS = (0.3, 0.5, 0.7, 0.9)
@@ -171,7 +168,7 @@ def photograph_partitions(points, visibility, counts, rng):
 def _begun(pairs, batches, n_tracks, fewest, rng):
     """The mixture of the groups that pairs agree on; None if there are too few."""
     some = sorted(pairs, key=lambda pair: -len(pair.tracks))[:MOST_PARTED]
-    parted = [(pair.tracks, parted_images(pair.views, rng, SWEEPS)) for pair in some]
+    parted = [(pair.tracks, parted_images(pair.views, rng)) for pair in some]
     for least in AGREEMENTS:
         labels = agreed_groups(n_tracks, parted, least)
         n_motions = int(labels.max()) + 1

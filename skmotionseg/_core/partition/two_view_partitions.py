@@ -235,22 +235,24 @@ def partitions_of(best, counts, n_places, scale, explain):
     )
 
 
-def parted_images(views, rng, sweeps):
-    """Labels of the tracks of two images, whose number of motions is open.
+def parted_images(views, rng):
+    """Labels of the tracks of two images of several, whose number of motions is open.
+
+    By a search that is begun once, and changes nothing afterwards: what one pair has
+    wrong, others have right.
 
     Parameters
     ----------
     views : TwoViews
     rng : RandomState
-    sweeps : int
-        As for :func:`search_two_views`.
 
     Returns
     -------
     ndarray of int, shape (n,)
         -1 for mismatches, which all are where there are too few tracks.
     """
-    search = search_two_views(views, np.arange(1, MOST_MOTIONS + 1), rng, sweeps)
+    counts = np.arange(1, MOST_MOTIONS + 1)
+    search = search_two_views(views, counts, rng, n_starts=1, sweeps=0)
     best = {} if search is None else _best_by_number_of_motions(search)
     if not best:
         return np.full(len(views), -1)

@@ -3,8 +3,9 @@
 Tracks that are near each other in both images mostly have one motion, however many
 mismatches there are: those are far from all. Affine maps of a few such neighbours are
 the hypotheses. What explains most that is not explained yet is grown to a motion and
-taken, one after another, until the cost rises; then motions are dropped, joined, added
-and split as long as a cost falls, that of the best number or of a number beside it.
+taken, one after another, until the cost rises, several times from other hypotheses;
+then motions are dropped, joined, added and split as long as a cost falls, that of the
+best number or of a number beside it.
 """
 
 from __future__ import annotations
@@ -45,6 +46,10 @@ N_GROWN, ROUNDS_OF_GROWTH = 20, 4
 HOPELESS, RISES = 5.0, 2
 # Motions that are found one after another, at most, if no more are asked for.
 MOST_MOTIONS = 9
+# How often they are, from other hypotheses: what is taken first decides what is left.
+# In 51 simulated pairs of images, the number of motions is right in 71 % instead of 63
+# if it is done once; with six, it is hardly any better.
+N_STARTS = 3
 # Of changes of one kind, those that are settled, and rounds of it; and how often all
 # are tried again.
 N_DROPPED, N_JOINED, ROUNDS_OF_CHANGE, SWEEPS = 2, 2, 4, 2
@@ -64,7 +69,7 @@ class TwoViewSearch(NamedTuple):
     best: dict[int, Segmentation]
 
 
-def search_two_views(views, counts, rng, sweeps=SWEEPS):
+def search_two_views(views, counts, rng, n_starts=N_STARTS, sweeps=SWEEPS):
     """Segmentations of least cost for numbers of motions.
 
     Parameters
@@ -73,6 +78,8 @@ def search_two_views(views, counts, rng, sweeps=SWEEPS):
     counts : ndarray of int, shape (n_counts,)
         Numbers of motions that are open, ascending.
     rng : RandomState
+    n_starts : int
+        How often motions are found one after another.
     sweeps : int
         How often all changes are tried again, at most.
 
@@ -85,9 +92,9 @@ def search_two_views(views, counts, rng, sweeps=SWEEPS):
     if len(views) < FEWEST_TRACKS:
         return None
     search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
-    search.find_one_by_one(
-        max(MOST_MOTIONS, int(counts[0]) + 1), int(counts[0]) if len(counts) > 1 else 0
-    )
+    most, fewest = max(MOST_MOTIONS, int(counts[0]) + 1), int(counts[0])
+    for _ in range(n_starts):
+        search.find_one_by_one(most, fewest if len(counts) > 1 else 0)
     if not search.best:
         return None
     for count in range(max(search.best), 1, -1):
