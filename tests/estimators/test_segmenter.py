@@ -84,6 +84,37 @@ def test_three_motions_are_found_with_their_number_unknown():
         assert misclassification_error(y, segmenter.labels_) < 0.01
 
 
+def two_blobs(n_each, n_frames=30, seed=0):
+    """Points (2 * n_each, n_frames, 2) of two things that move apart, and labels."""
+    rng = np.random.default_rng(seed)
+    corners = ((50, 50), (250, 250)), ((350, 200), (600, 400))
+    velocities = np.array([(3, 1), (-2, 4)], dtype=float)
+    steps = np.arange(n_frames)[:, None]
+    points = np.concatenate(
+        [
+            rng.uniform(*corner, (n_each, 2))[:, None] + steps * velocity
+            for corner, velocity in zip(corners, velocities, strict=True)
+        ]
+    )
+    return points + rng.normal(0, 0.1, points.shape), np.repeat([0, 1], n_each)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_tracks_of_two_motions_are_parted(seed):
+    points, y = two_blobs(12, seed=seed)
+    X = points.reshape(len(points), -1)
+    segmenter = MotionSegmenter(random_state=0).fit(X)
+    assert segmenter.n_motions_ == 2
+    assert misclassification_error(y, segmenter.labels_) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_tracks_of_one_motion_are_not(seed):
+    points, y = two_blobs(24, n_frames=10, seed=seed)
+    X = points[y == 0].reshape((y == 0).sum(), -1)
+    assert MotionSegmenter(random_state=0).fit(X).n_motions_ == 1
+
+
 def test_a_known_count_is_kept():
     X, _ = make_rigid_motions(60, 4, 2, random_state=0)
     for count in (1, 2, 4):

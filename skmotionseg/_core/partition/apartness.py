@@ -23,10 +23,10 @@ from .side_by_side import side_by_side
 GAIN_WEIGHT, LINK_WEIGHT, FAR_WEIGHT, CROSS_WEIGHT = 0.72, 1.3, 5.15, 1.36
 PRIOR = -8.46
 # Tracks at most of a clip that is looked at more closely: they prefer hypotheses that
-# were fitted to others, motions are grown from neighbours, and more numbers of motions
-# are sought. From a hundred on, there is hardly a difference in simulated clips. The
-# same evidence says more, the fewer they are, as what is gained counts by the size of a
-# group; by the same regression.
+# were fitted to others, and more numbers of motions are sought. From a hundred on,
+# there is hardly a difference in simulated clips. The same evidence says more, the
+# fewer they are, as what is gained counts by the size of a group; by the same
+# regression.
 FEW_TRACKS, FEW_WEIGHT = 100, 1.35
 # The same for their distance, by which they are merged: what counts there is which of
 # several pairs is one motion rather than whether any is, and links tell that better,

@@ -14,11 +14,9 @@ from ..graph.cuts import own_shares
 from ..graph.neighbourhood import strongest
 from ..graph.spectral import ViewGraph, connected_tracks
 from ..labels import canonical_labels, nearest_votes_in_each
-from .apartness import FEW_TRACKS
 from .clip import OVERSEGMENTATION, Clip
 from .cost import COST_NAMES, COST_WEIGHTS, Cost
 from .frame_pair_partitions import frame_pair_partitions
-from .grown_motions import GrownMotions
 from .motions import Explanation, fit_motions, inliers, usual
 from .outliers import RigidOutliers
 from .photograph_partitions import are_photographs, photograph_partitions
@@ -330,7 +328,6 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
 
     share = focal_length and focal_length / windows.size
     search = RigidSearch(windows, affinity, few, share)
-    grown = GrownMotions(search, clip.affinity)
 
     def candidates(n_motions):
         found = [
@@ -338,8 +335,6 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
             for graph in (*graphs, of_few)
             if 1 < n_motions <= graph.n_leading
         ]
-        if n_motions > 1 and len(clip.points) <= FEW_TRACKS:
-            found += grown.partitions(n_motions)
         return found + [some for some in starts if some.max() + 1 == n_motions]
 
     def finer(n_groups):
