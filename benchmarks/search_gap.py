@@ -5,8 +5,9 @@
 The number of motions is given. What the search minimises is computed for the partition
 that it found and for the true one, from which tracks are assigned and motions fitted
 again until nothing gets better; outliers, which have no true motion, begin in the
-largest. The gap is closed where what was found costs no more. An error where it is
-closed is one of the judge: another partition than the truth costs less.
+largest, or, between two images, as mismatches. The gap is closed where what was found
+costs no more. An error where it is closed is one of the judge: another partition than
+the truth costs less.
 """
 
 from __future__ import annotations
@@ -20,18 +21,21 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from skmotionseg import MotionSegmenter, pack_tracks
+from skmotionseg._core.geometry.two_views import fit_two_view_motions
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS
 from skmotionseg._core.partition.rigid_partitions import ROUNDS, rank, with_odds
+from skmotionseg._core.partition.two_view_energy import settle
+from skmotionseg._core.partition.two_view_partitions import best_by_number_of_motions
 from skmotionseg.datasets import scene_families
 from skmotionseg.metrics import misclassification_error
 
 from . import report
 from .measuring import show_progress
 from .scenes_bench import HALVES, scenes_of
-from .watching import WITHOUT_WINDOWS, rigid_searches, true_labels
+from .watching import rigid_searches, true_labels, two_view_searches
 
-# Families in which there is nothing to search.
-LEFT_OUT = ("one_motion", *WITHOUT_WINDOWS)
+# Families in which there is nothing to search, or in several pairs of images.
+LEFT_OUT = ("one_motion", "photographs")
 TOLERANCE = 1e-6  # nats per track
 COLUMNS = {
     "family": lambda row: row["row"],
@@ -57,12 +61,24 @@ def gap(scene):
         where no rigid motions are searched, or those of a long clip in several windows,
         or a true one has too few tracks.
     """
-    with rigid_searches() as searches, warnings.catch_warnings():
+    segmenter = MotionSegmenter(scene.n_motions, random_state=scene.seed)
+    watched = rigid_searches(), two_view_searches()
+    with watched[0] as rigid, watched[1] as between, warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        segmenter = MotionSegmenter(scene.n_motions, random_state=scene.seed)
         labels = segmenter.fit_predict(scene.data)
+    if hasattr(segmenter, "windows_"):
+        return None
+    more = _more_over_windows(scene, segmenter, rigid)
+    if between:
+        more = _more_between_images(scene, between[-1])
+    error = misclassification_error(scene.target, labels)
+    return None if more is None else (more, error)
+
+
+def _more_over_windows(scene, segmenter, searches):
+    """By how many nats per track rigid motions that were found cost more; or None."""
     answered = [each for each in searches if each[1] is not None]
-    if hasattr(segmenter, "windows_") or not answered:
+    if not answered:
         return None
     search, found = answered[-1]  # without the outliers, where they are many
     # What is searched are the tracks as a shutter that reads at once would show them.
@@ -71,14 +87,31 @@ def gap(scene):
     if np.bincount(truth, minlength=scene.n_motions).min() < FEWEST_TRACKS:
         return None
     (best,) = search.run(_from_truth(search, truth))
-    error = misclassification_error(scene.target, labels)
-    return rank(found.steps[found.chosen]) - rank(best), error
+    return rank(found.steps[found.chosen]) - rank(best)
 
 
 def _from_truth(search, truth):
     """The step of the true partition, settled."""
     settled = yield from search.settled(truth, rounds=ROUNDS)
     return (yield from with_odds(search, settled))
+
+
+def _more_between_images(scene, search):
+    """By how many nats per track motions between two images cost more; or None.
+
+    The true ones are of one surface each, while several may make up one that is found.
+    """
+    n_motions, n = scene.n_motions, len(search.scene.views)
+    found = best_by_number_of_motions(search).get(n_motions)
+    if found is None or n < len(scene.target):  # a track that meets no other is left
+        return None
+    labels = np.where(scene.target < 0, n_motions, scene.target)
+    shares = (labels == np.arange(n_motions + 1)[:, None]).astype(float)
+    motions = fit_two_view_motions(search.scene.views, shares[:-1])
+    true = settle(search.scene, motions, shares)
+    if true is None or len(true.motions) < n_motions:
+        return None
+    return (found.cost - true.cost) / n
 
 
 def row_of(name, gaps):

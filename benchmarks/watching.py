@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from skmotionseg._core.partition import rigid_partitions, search
+from skmotionseg._core.partition import rigid_partitions, search, two_view_partitions
 
 # Families of scenes whose motions are not compared over windows of frames.
 WITHOUT_WINDOWS = ("two_images", "photographs")
@@ -57,6 +57,28 @@ def compared_steps():
         return found
 
     with patch.object(rigid_partitions, "with_odds", watched):
+        yield kept
+
+
+@contextmanager
+def two_view_searches():
+    """Keep the searches between two images of fits that are made within the context.
+
+    Yields
+    ------
+    list of TwoViewSearch
+        Of those that found something.
+    """
+    kept = []
+    call = two_view_partitions.search_two_views
+
+    def watched(*arguments, **named):
+        found = call(*arguments, **named)
+        if found is not None:
+            kept.append(found)
+        return found
+
+    with patch.object(two_view_partitions, "search_two_views", watched):
         yield kept
 
 

@@ -305,6 +305,18 @@ def test_the_search_gap_of_a_scene_that_is_solved_is_closed():
     assert search_gap.gap(Bunch(seed=0, **few)) is None
 
 
+def test_the_search_gap_between_two_images_is_that_of_the_labels():
+    scene = make_scene("two_images", n_tracks=120, n_motions=2, random_state=1)
+    more, error = search_gap.gap(Bunch(seed=0, **scene))
+    assert more <= search_gap.TOLERANCE
+    assert error < 0.05
+    wrong = scene.target[::-1].copy()
+    scene.target = wrong
+    less, error = search_gap.gap(Bunch(seed=0, **scene))
+    assert error > 0.05
+    assert less <= more  # what is no motion of the images costs more than what is
+
+
 def test_of_a_search_with_and_one_without_outliers_the_last_is_looked_at():
     scene = make_scene(
         "planar", n_tracks=50, n_frames=5, n_motions=2, outliers=0.3, random_state=0

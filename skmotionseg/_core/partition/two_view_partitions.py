@@ -175,7 +175,7 @@ def two_view_partitions(geometry, counts, rng):
         None if there are too few tracks, or if what they tell is not of such numbers.
     """
     search = search_two_views(two_views(geometry.x, geometry.y), counts, rng)
-    best = {} if search is None else _best_by_number_of_motions(search)
+    best = {} if search is None else best_by_number_of_motions(search)
 
     def explain(found):
         return TwoViewExplanation(
@@ -252,15 +252,15 @@ def parted_images(views, rng):
         -1 for mismatches, which all are where there are too few tracks.
     """
     counts = np.arange(1, MOST_MOTIONS + 1)
-    search = search_two_views(views, counts, rng, n_starts=1, sweeps=0)
-    best = {} if search is None else _best_by_number_of_motions(search)
+    search = search_two_views(views, counts, rng, n_begun=1, sweeps=0)
+    best = {} if search is None else best_by_number_of_motions(search)
     if not best:
         return np.full(len(views), -1)
     found = min(best.values(), key=lambda surfaces: surfaces.cost)
     return np.append(found.motion_of, -1)[found.labels]
 
 
-def _best_by_number_of_motions(search):
+def best_by_number_of_motions(search):
     """Surfaces of least cost for each number of motions: dict of int to Surfaces."""
     best: dict[int, Surfaces] = {}
     for segmentation in search.best.values():

@@ -49,7 +49,7 @@ MOST_MOTIONS = 9
 # How often they are, from other hypotheses: what is taken first decides what is left.
 # In 51 simulated pairs of images, the number of motions is right in 71 % instead of 63
 # if it is done once; with six, it is hardly any better.
-N_STARTS = 3
+N_BEGUN = 3
 # Of changes of one kind, those that are settled, and rounds of it; and how often all
 # are tried again.
 N_DROPPED, N_JOINED, ROUNDS_OF_CHANGE, SWEEPS = 2, 2, 4, 2
@@ -69,7 +69,7 @@ class TwoViewSearch(NamedTuple):
     best: dict[int, Segmentation]
 
 
-def search_two_views(views, counts, rng, n_starts=N_STARTS, sweeps=SWEEPS):
+def search_two_views(views, counts, rng, n_begun=N_BEGUN, sweeps=SWEEPS):
     """Segmentations of least cost for numbers of motions.
 
     Parameters
@@ -78,7 +78,7 @@ def search_two_views(views, counts, rng, n_starts=N_STARTS, sweeps=SWEEPS):
     counts : ndarray of int, shape (n_counts,)
         Numbers of motions that are open, ascending.
     rng : RandomState
-    n_starts : int
+    n_begun : int
         How often motions are found one after another.
     sweeps : int
         How often all changes are tried again, at most.
@@ -93,7 +93,7 @@ def search_two_views(views, counts, rng, n_starts=N_STARTS, sweeps=SWEEPS):
         return None
     search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
     most, fewest = max(MOST_MOTIONS, int(counts[0]) + 1), int(counts[0])
-    for _ in range(n_starts):
+    for _ in range(n_begun):
         search.find_one_by_one(most, fewest if len(counts) > 1 else 0)
     if not search.best:
         return None
