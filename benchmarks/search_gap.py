@@ -62,15 +62,18 @@ def gap(scene):
         or a true one has too few tracks.
     """
     segmenter = MotionSegmenter(scene.n_motions, random_state=scene.seed)
-    watched = rigid_searches(), two_view_searches()
-    with watched[0] as rigid, watched[1] as between, warnings.catch_warnings():
+    with (
+        rigid_searches() as over_windows,
+        two_view_searches() as between_images,
+        warnings.catch_warnings(),
+    ):
         warnings.simplefilter("ignore")
         labels = segmenter.fit_predict(scene.data)
-    if hasattr(segmenter, "windows_"):
-        return None
-    more = _more_over_windows(scene, segmenter, rigid)
-    if between:
-        more = _more_between_images(scene, between[-1])
+    more = None
+    if between_images:
+        more = _more_between_images(scene, between_images[-1])
+    elif not hasattr(segmenter, "windows_"):
+        more = _more_over_windows(scene, segmenter, over_windows)
     error = misclassification_error(scene.target, labels)
     return None if more is None else (more, error)
 
