@@ -58,8 +58,8 @@ def gap(scene):
     -------
     (float, float) or None
         Nats per track, negative where the truth costs more; share of the tracks. None
-        where no rigid motions are searched, or those of a long clip in several windows,
-        or a true one has too few tracks.
+        where neither motions between two images nor rigid ones are searched, or these
+        in several windows of a long clip, or where a true one has too few tracks.
     """
     segmenter = MotionSegmenter(scene.n_motions, random_state=scene.seed)
     with (

@@ -238,8 +238,8 @@ def partitions_of(best, counts, n_places, scale, explain):
 def parted_images(views, rng):
     """Labels of the tracks of two images of several, whose number of motions is open.
 
-    By a search that is begun once, and changes nothing afterwards: what one pair has
-    wrong, others have right.
+    By a search that is begun once and only takes motions away afterwards: what one pair
+    has wrong, others have right.
 
     Parameters
     ----------

@@ -47,8 +47,8 @@ HOPELESS, RISES = 5.0, 2
 # Motions that are found one after another, at most, if no more are asked for.
 MOST_MOTIONS = 9
 # How often they are, from other hypotheses: what is taken first decides what is left.
-# In 51 simulated pairs of images, the number of motions is right in 71 % instead of 63
-# if it is done once; with six, it is hardly any better.
+# In 59 simulated pairs of images, the number of motions is right in 71 % instead of 66
+# if it is done once, and the error 4.8 % instead of 5.7.
 N_BEGUN = 3
 # Of changes of one kind, those that are settled, and rounds of it; and how often all
 # are tried again.
@@ -92,9 +92,10 @@ def search_two_views(views, counts, rng, n_begun=N_BEGUN, sweeps=SWEEPS):
     if len(views) < FEWEST_TRACKS:
         return None
     search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
-    most, fewest = max(MOST_MOTIONS, int(counts[0]) + 1), int(counts[0])
+    most = max(MOST_MOTIONS, int(counts[0]) + 1)
+    fewest = int(counts[0]) if len(counts) > 1 else 0
     for _ in range(n_begun):
-        search.find_one_by_one(most, fewest if len(counts) > 1 else 0)
+        search.find_one_by_one(most, fewest)
     if not search.best:
         return None
     for count in range(max(search.best), 1, -1):
