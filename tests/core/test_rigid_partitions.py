@@ -316,8 +316,14 @@ def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different()
     def cost(log_odds):
         return rank(Step(8.0, np.zeros(4, dtype=int), [], log_odds=log_odds))
 
-    assert cost(0.0) == 2
-    assert cost(-1.0) == 2 + NATS_OF_ODDS
+    assert cost(1.0) == 2 - NATS_OF_ODDS
     assert cost(2.0) == 2 - 2 * NATS_OF_ODDS
     assert cost(np.inf) == cost(SURE) < cost(2.0)
+    assert cost(-1.0) - cost(0.0) == pytest.approx(NATS_OF_ODDS)
     assert cost(-30.0) == cost(-SURE) > cost(-1.0)
+
+
+def test_partitions_of_motions_that_are_likelier_one_come_last():
+    labels = np.zeros(4, dtype=int)
+    torn = rank(Step(-100.0, labels, [], log_odds=0.0))
+    assert torn > rank(Step(100.0, labels, [], log_odds=1e-3))

@@ -27,6 +27,9 @@ ROUNDS = 6
 NATS_OF_ODDS = 0.3
 # Log odds above this, and below its negative, count as this.
 SURE = 4.0
+# Nats per track that are added where two of the motions are likelier one: more than
+# partitions differ by otherwise, so that these come last.
+LIKELIER_ONE = 1000.0
 # Numbers of motions beyond the one chosen so far that are searched, too: the next one,
 # unless by the log odds there are hardly as many (one in twenty), and that behind it
 # where the best split is apart: two motions that are missing are mixed until both are
@@ -168,10 +171,12 @@ def rank(step):
     """What a partition costs when partitions into as many are compared: nats per track.
 
     One motion is not likely to explain two that are true, as it explains halves of a
-    background, whatever these save.
+    background, whatever these save. Where one does likelier than not, there are hardly
+    as many motions in the partition, so all others come before it.
     """
     odds = min(max(step.log_odds, -SURE), SURE)
-    return step.energy / len(step.labels) - NATS_OF_ODDS * odds
+    cost = step.energy / len(step.labels) - NATS_OF_ODDS * odds
+    return cost if step.log_odds > 0 else cost + LIKELIER_ONE
 
 
 def _n_apart(path, fewest, most):
