@@ -278,6 +278,23 @@ def test_refining_takes_the_better_of_two_starts(clip):
     assert refined < 1.05 * before
 
 
+def test_refining_fits_anew_where_no_start_has_poses():
+    """Tracks that come to a group may be seen in windows that its others are not."""
+    X, y = make_rigid_motions(n_tracks=150, n_frames=12, random_state=0)
+    points, visibility = unpack_tracks(X)
+    group = np.flatnonzero(y == 0)
+    late = group[::2]
+    visibility[late, :6] = False
+    windows = Windows(points, visibility)
+    (start,) = windows.fit([late])
+    (refined,) = windows.refine([group], [[start]])
+    (anew,) = windows.fit([group])
+    has_start = [each is not None for each in start.poses]
+    assert has_start == [False, True]
+    assert_array_equal(refined.known, anew.known)
+    assert_allclose(refined.squares[:, 0], anew.squares[:, 0], rtol=1e-6)
+
+
 def test_batches_of_any_size_give_the_same_motions(clip, monkeypatch):
     windows, y = clip
     groups = [np.flatnonzero(y == m) for m in range(y.max() + 1)]

@@ -224,13 +224,18 @@ class Windows:
         -------
         list of RigidMotion
         """
-        poses = [[None] * len(self.frames) for _ in groups]
-        for jobs in _batches(self._jobs(groups, most_tracks)):
-            x, seen, weights, floor, references = self._stacked(jobs)
+        jobs = self._jobs(groups, most_tracks)
+        return self._motions(groups, self._poses_anew(jobs, len(groups)))
+
+    def _poses_anew(self, jobs, n_groups):
+        """Poses of each group in each window, from several starts; None of no job."""
+        poses = [[None] * len(self.frames) for _ in range(n_groups)]
+        for some in _batches(jobs):
+            x, seen, weights, floor, references = self._stacked(some)
             fitted = fit_rigid_motions(x, seen, weights, floor, references, MOST_FITTED)
-            for job, *pose in zip(jobs, *fitted, strict=True):
+            for job, *pose in zip(some, *fitted, strict=True):
                 poses[job.group][job.window] = Poses(*pose)
-        return self._motions(groups, poses)
+        return poses
 
     def refine(self, groups, starts, most_tracks=MOST_FITTED):
         """Motions of groups, from the motions of others.
@@ -246,17 +251,19 @@ class Windows:
         Returns
         -------
         list of RigidMotion
-            The best of the starts, for each group and window.
+            The best of the starts, for each group and window. Where none of these has
+            poses, fitted anew: the tracks that they come from may not be seen there.
         """
-        jobs = [
-            job._replace(start=start.poses[job.window])
-            for job in self._jobs(groups, most_tracks)
-            for start in starts[job.group]
-            if start.poses[job.window] is not None
+        jobs = self._jobs(groups, most_tracks)
+        silent = [job for job in jobs if not _poses_in(job.window, starts[job.group])]
+        poses = self._poses_anew(silent, len(groups))
+        begun = [
+            job._replace(start=start)
+            for job in jobs
+            for start in _poses_in(job.window, starts[job.group])
         ]
-        poses = [[None] * len(self.frames) for _ in groups]
         least: dict[tuple[int, int], float] = {}
-        for some in _batches(jobs):
+        for some in _batches(begun):
             x, seen, weights, floor, references = self._stacked(some)
             stacked = Poses(
                 *map(np.stack, zip(*(job.start for job in some), strict=True))
@@ -541,6 +548,12 @@ class _Job(NamedTuple):
     reference: int
     tracks: np.ndarray
     start: Poses | None = None
+
+
+def _poses_in(window, motions):
+    """The poses of those of some motions that have any in a window."""
+    poses = (motion.poses[window] for motion in motions)
+    return [each for each in poses if each is not None]
 
 
 def _most_tracks(fits):
