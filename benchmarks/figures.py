@@ -25,6 +25,7 @@ import numpy as np
 from benchmarks import (
     growth,
     online_bench,
+    photographs,
     reliability,
     report,
     search_gap,
@@ -73,6 +74,7 @@ LONG_NAMES = {
 MEASURED = {
     "reliability": reliability.COLUMNS,
     "two_view_peers": two_view_peers.COLUMNS,
+    "photographs": photographs.COLUMNS,
     "search_gap": search_gap.COLUMNS,
     "static_scenes": static_scenes.COLUMNS,
     "streams": online_bench.COLUMNS,

@@ -19,6 +19,7 @@ from benchmarks import (
     measuring,
     online_bench,
     peers,
+    photographs,
     plain,
     reliability,
     rendered,
@@ -245,6 +246,36 @@ def test_mismatches_are_a_group_that_peers_must_find():
     assert two_view_peers._error(pair, pair.target) == 0
     one_kept = np.array([0, 0, 1, 1, 1, -1])
     assert two_view_peers._error(pair, one_kept) == pytest.approx(1 / 6)
+
+
+def test_photographs_are_judged_by_the_tracks_that_are_given_a_motion():
+    table = Bunch(target=np.array([0, 0, 1, 1, -1, -1, -1, -1]))
+    given, error, rejected = photographs.judge(
+        table, np.array([1, 1, 0, -1, -1, -1, -1, 0])
+    )
+    assert (given, error, rejected) == (75, 0, 75)
+    _, error, _ = photographs.judge(table, np.array([0, 0, 0, 1, -1, -1, -1, -1]))
+    assert error == 25
+
+
+def test_photographs_are_measured_beside_what_could_be_explained(monkeypatch, tmp_path):
+    """Of tracks that have a label and no motion, few are explained."""
+    pytest.importorskip("cv2")
+    scene = make_scene("photographs", n_tracks=300, outliers=0.2, random_state=1)
+    labels = np.where(scene.target < 0, 0, scene.target)
+    labels[np.flatnonzero(scene.target < 0)[:10]] = -1
+    table = Bunch(name="table", data=scene.data, target=labels)
+    near, of_motion = photographs.explained(table), scene.target[labels >= 0] >= 0
+    assert near[of_motion].mean() > 2 * near[~of_motion].mean()
+    monkeypatch.setattr(photographs, "load_arrigoni", lambda folder: [table])
+    record = tmp_path / "accuracy.json"
+    photographs.main(["--data", "here", "--seeds", "1", "--json", str(record)])
+    (row,) = json.loads(record.read_text())["photographs"]
+    assert (row["row"], row["n_tracks"]) == ("table", 300)
+    assert row["explained"] == pytest.approx(100 * near.mean())
+    assert len(row["found"]) == len(row["error_known"]) == 1
+    cells = [cell(row) for cell in photographs.COLUMNS.values()]
+    assert cells[4] == f"{row['error_known'][0]:.1f} ± 0.0"
 
 
 def partition(*evidence, by_links=None, energy=0.0):
