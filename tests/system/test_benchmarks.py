@@ -261,7 +261,9 @@ def test_photographs_are_judged_by_the_tracks_that_are_given_a_motion():
 def test_photographs_are_measured_beside_what_could_be_explained(monkeypatch, tmp_path):
     """Of tracks that have a label and no motion, few are explained."""
     pytest.importorskip("cv2")
-    scene = make_scene("photographs", n_tracks=300, outliers=0.2, random_state=1)
+    scene = make_scene(
+        "photographs", n_tracks=150, n_frames=5, outliers=0.2, random_state=1
+    )
     labels = np.where(scene.target < 0, 0, scene.target)
     labels[np.flatnonzero(scene.target < 0)[:10]] = -1
     table = Bunch(name="table", data=scene.data, target=labels)
@@ -271,7 +273,7 @@ def test_photographs_are_measured_beside_what_could_be_explained(monkeypatch, tm
     record = tmp_path / "accuracy.json"
     photographs.main(["--data", "here", "--seeds", "1", "--json", str(record)])
     (row,) = json.loads(record.read_text())["photographs"]
-    assert (row["row"], row["n_tracks"]) == ("table", 300)
+    assert (row["row"], row["n_tracks"]) == ("table", 150)
     assert row["explained"] == pytest.approx(100 * near.mean())
     assert len(row["found"]) == len(row["error_known"]) == 1
     cells = [cell(row) for cell in photographs.COLUMNS.values()]
@@ -285,9 +287,9 @@ def partition(*evidence, by_links=None, energy=0.0):
 
 
 def test_a_number_is_decided_in_the_best_partition_by_those_least_apart():
-    """What is surer costs less."""
+    """What is surer costs less, and what is likelier one is the last."""
     weights = np.array([1.0, 0, 0, 0, 0])
-    near, far = [1, 2, 3, 4, 5], [4, 0, 0, 0, 0]
+    nearest, near, far = [1, 0, 0, 0, 0], [3, 2, 3, 4, 5], [4, 0, 0, 0, 0]
     one, other = partition(far, near), partition(far, far)
     for partitions in ([one, other], [other, one]):
         log_odds, known = apartness.decisive(partitions, weights, -2.0)
@@ -295,8 +297,11 @@ def test_a_number_is_decided_in_the_best_partition_by_those_least_apart():
         np.testing.assert_array_equal(known, far)
     dear = partition(far, far, energy=10.0)
     log_odds, known = apartness.decisive([one, dear], weights, -2.0)
-    assert log_odds == -1
+    assert log_odds == 1
     np.testing.assert_array_equal(known, near)
+    cheap = partition(far, nearest, energy=-10.0)
+    assert apartness.decisive([cheap], weights, -2.0)[0] == -1
+    assert apartness.decisive([cheap, dear], weights, -2.0)[0] == 2
     by_links = partition(far, far, by_links=[np.nan, -1.0])
     assert apartness.decisive([by_links], weights, -2.0) == (-1, None)
     assert apartness.decisive([], weights, -2.0) == (np.inf, None)
