@@ -23,7 +23,7 @@ from joblib import Parallel, delayed
 from skmotionseg import MotionSegmenter, pack_tracks
 from skmotionseg._core.geometry.two_views import fit_two_view_motions
 from skmotionseg._core.geometry.windows import FEWEST_TRACKS
-from skmotionseg._core.partition.rigid_partitions import ROUNDS, rank, with_odds
+from skmotionseg._core.partition.rigid_partitions import ROUNDS, rank_in, with_odds
 from skmotionseg._core.partition.two_view_energy import settle
 from skmotionseg._core.partition.two_view_partitions import best_by_number_of_motions
 from skmotionseg.datasets import scene_families
@@ -90,7 +90,8 @@ def _more_over_windows(scene, segmenter, searches):
     if np.bincount(truth, minlength=scene.n_motions).min() < FEWEST_TRACKS:
         return None
     (best,) = search.run(_from_truth(search, truth))
-    return rank(found.steps[found.chosen]) - rank(best)
+    cost = rank_in(search)
+    return cost(found.steps[found.chosen]) - cost(best)
 
 
 def _from_truth(search, truth):

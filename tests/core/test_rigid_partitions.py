@@ -32,6 +32,7 @@ from skmotionseg._core.partition.rigid_partitions import (
     _n_apart,
     calibrated_path,
     rank,
+    rank_in,
     rigid_partitions,
     with_odds,
 )
@@ -325,5 +326,17 @@ def test_partitions_cost_less_the_surer_it_is_that_their_motions_are_different()
 
 def test_partitions_of_motions_that_are_likelier_one_come_last():
     labels = np.zeros(4, dtype=int)
-    torn = rank(Step(-100.0, labels, [], log_odds=0.0))
-    assert torn > rank(Step(100.0, labels, [], log_odds=1e-3))
+    torn = Step(-100.0, labels, [], log_odds=0.0)
+    whole = Step(100.0, labels, [], log_odds=1e-3)
+    assert rank(torn) > rank(whole)
+    assert rank(torn, decided=False) < rank(whole, decided=False)
+
+
+@pytest.mark.parametrize(("n_frames", "decides"), [(20, True), (40, False)])
+def test_log_odds_decide_unless_longer_windows_judge(n_frames, decides):
+    X, _ = make_rigid_motions(n_tracks=40, n_frames=n_frames, random_state=0)
+    search = RigidSearch(Windows(*unpack_tracks(X)), np.ones((40, 40)))
+    assert search.decides is decides
+    torn = Step(-100.0, np.zeros(40, dtype=int), [], log_odds=0.0)
+    whole = torn._replace(energy=100.0, log_odds=1e-3)
+    assert (rank_in(search)(torn) > rank_in(search)(whole)) is decides

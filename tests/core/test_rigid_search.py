@@ -13,7 +13,7 @@ from helpers.rigid_scenes import (
 from numpy.testing import assert_array_equal
 
 from skmotionseg._core.geometry.windows import FOCAL_STEPS, Windows
-from skmotionseg._core.partition.rigid_partitions import LIKELIER_ONE, rank
+from skmotionseg._core.partition.rigid_partitions import rank
 from skmotionseg._core.partition.rigid_search import (
     NATS_OF_LABELS,
     RigidSearch,
@@ -103,10 +103,10 @@ def test_a_focal_length_is_found_from_motions_by_another(street):
 def test_partitions_cost_more_if_labels_tell_much():
     """Of the same energy, the one that takes a few tracks from many is the best."""
     few, half = (np.repeat([0, 1], sizes) for sizes in ([7, 1], [4, 4]))
-    cost = rank(Step(_energy(few, 0.0, 1.0), few, [], log_odds=0.0)) - LIKELIER_ONE
+    cost = rank(Step(_energy(few, 0.0, 1.0), few, [], log_odds=0.0), decided=False)
     shares = np.array([7, 1]) / 8
     assert cost == pytest.approx(1 - NATS_OF_LABELS * (shares @ np.log(shares)))
-    torn = rank(Step(_energy(half, 0.0, 1.0), half, [], log_odds=0.0)) - LIKELIER_ONE
+    torn = rank(Step(_energy(half, 0.0, 1.0), half, [], log_odds=0.0), decided=False)
     assert torn == pytest.approx(1 + NATS_OF_LABELS * np.log(2))
 
 

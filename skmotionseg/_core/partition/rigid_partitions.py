@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -167,16 +168,22 @@ def _last_apart(path):
     return next((step for step in path if step.distance > 0), path[-1])
 
 
-def rank(step):
+def rank(step, decided=True):
     """What a partition costs when partitions into as many are compared: nats per track.
 
     One motion is not likely to explain two that are true, as it explains halves of a
     background, whatever these save. Where one does likelier than not, there are hardly
-    as many motions in the partition, so all others come before it.
+    as many motions in the partition, so all others come before it; unless that is not
+    decided by these log odds, but by those of longer windows.
     """
     odds = min(max(step.log_odds, -SURE), SURE)
     cost = step.energy / len(step.labels) - NATS_OF_ODDS * odds
-    return cost if step.log_odds > 0 else cost + LIKELIER_ONE
+    return cost + LIKELIER_ONE if decided and step.log_odds <= 0 else cost
+
+
+def rank_in(search):
+    """How partitions of a search are compared: its :func:`rank`."""
+    return partial(rank, decided=search.decides)
 
 
 def _n_apart(path, fewest, most):
@@ -212,15 +219,15 @@ def _of_number(search, n_motions, path, candidates, bisect):
 
 def _best_improved(search, searches, bisect, others=()):
     """The best of some steps and those that are found, improved."""
-    best = yield from _best(searches, others)
+    best = yield from _best(search, searches, others)
     return None if best is None else (yield from _improved(search, best, bisect))
 
 
-def _best(searches, others=()):
+def _best(search, searches, others=()):
     """The best of some steps and those that are found; None if there are none."""
     found = yield from side_by_side(searches)
     steps = [*others, *(each for each in found if each is not None)]
-    return min(steps, key=rank, default=None)
+    return min(steps, key=rank_in(search), default=None)
 
 
 def _step_of(search, settled, accepted):
@@ -240,10 +247,12 @@ def _apart_and_split(search, path, n_motions, bisect):
 
 def _improved(search, best, bisect):
     """A better partition: a group is split, and two others merged."""
+    cost = rank_in(search)
     for _ in range(MOST_CHANGES):
         changed = _splits(search, best, bisect)
-        better = yield from _best(_merged(search, some, best) for some in changed)
-        if better is None or not rank(better) < rank(best):
+        merged = (_merged(search, some, best) for some in changed)
+        better = yield from _best(search, merged)
+        if better is None or not cost(better) < cost(best):
             break
         best = better
     return best
@@ -252,17 +261,19 @@ def _improved(search, best, bisect):
 def _merged(search, labels, best):
     """The step at the end of a descent to as many motions, if it may be better."""
     step = (yield from search.descent(labels, best.n_motions))[-1]
-    if step.n_motions == best.n_motions and rank(step) < rank(best):
+    cost = rank_in(search)
+    if step.n_motions == best.n_motions and cost(step) < cost(best):
         return (yield from with_odds(search, step))
     return None
 
 
 def _split_best(search, step, bisect):
     """The best partition with one group more; None if none can be parted."""
-    return _best(
+    parted = (
         _step_of(search, search.settled(some), lambda n: n > step.n_motions)
         for some in _splits(search, step, bisect)
     )
+    return _best(search, parted)
 
 
 def _splits(search, step, bisect):

@@ -9,7 +9,7 @@ groups that are not different motions (see :mod:`.apartness`) are merged.
 from __future__ import annotations
 
 from copy import copy
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -131,6 +131,11 @@ class RigidSearch:
     def noise(self):
         """What the over-segments leave, in pixels of a video 640 pixels wide."""
         return self.scale / SCALE_OF_NOISE * self.windows.pixels
+
+    @cached_property
+    def decides(self):
+        """Whether no longer windows judge what is found."""
+        return self.windows.longer() is None
 
     def over_longer_windows(self):
         """The same search over longer windows, with its camera and noise to begin with.
