@@ -21,6 +21,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from skmotionseg import MotionSegmenter, unpack_tracks
+from skmotionseg._core.geometry.motion_models import homogeneous
+from skmotionseg._core.partition.motions import sampson_distances
 from skmotionseg.datasets import load_arrigoni
 from skmotionseg.metrics import misclassification_error
 
@@ -84,10 +86,7 @@ def _from_epipolar_lines(x, y):
     F, _ = cv2.findFundamentalMat(x, y, cv2.USAC_MAGSAC, NEAR, 0.9999, 20_000)
     if F is None:
         return np.full(len(x), np.inf)
-    x, y = (np.pad(each, ((0, 0), (0, 1)), constant_values=1) for each in (x, y))
-    lines, back = x @ F.T, y @ F
-    normal = np.hypot(*lines.T[:2]) ** 2 + np.hypot(*back.T[:2]) ** 2
-    return np.abs((lines * y).sum(axis=1)) / np.sqrt(normal)
+    return sampson_distances(F, homogeneous(x), homogeneous(y))
 
 
 def judge(table, labels):

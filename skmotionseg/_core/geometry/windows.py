@@ -168,12 +168,22 @@ class Windows:
         Windows or None
             None where the clip, or the life of its tracks, is too short for any.
         """
-        frames = window_frames(self.visibility, JUDGING_STRIDE)
-        if np.ptp(frames[0]) <= np.ptp(self.frames[0]):
+        frames = self._longer_frames()
+        if frames is None:
             return None
         longer = copy(self)
         longer.frames = _stretched(frames, self.visibility.shape[1])
         return longer.of(self.points, self.visibility)
+
+    @property
+    def are_longest(self):
+        """Whether there are no :meth:`longer` ones."""
+        return self._longer_frames() is None
+
+    def _longer_frames(self):
+        """Frames farther apart, before they are stretched; None if there are none."""
+        frames = window_frames(self.visibility, JUDGING_STRIDE)
+        return frames if np.ptp(frames[0]) > np.ptp(self.frames[0]) else None
 
     def motions_again(self, motions):
         """Motions found with other tracks, with the residuals of these tracks."""

@@ -135,7 +135,7 @@ class RigidSearch:
     @cached_property
     def decides(self):
         """Whether no longer windows judge what is found."""
-        return self.windows.longer() is None
+        return self.windows.are_longest
 
     def over_longer_windows(self):
         """The same search over longer windows, with its camera and noise to begin with.
