@@ -20,6 +20,7 @@ from skmotionseg._core.partition.rigid_search import (
     Step,
     _energy,
 )
+from skmotionseg._core.partition.side_by_side import run, side_by_side
 from skmotionseg.metrics import misclassification_error
 
 
@@ -123,7 +124,10 @@ def test_what_fits_two_motions_alike_is_of_the_larger(scene):
 
 
 def test_searches_side_by_side_find_what_they_find_alone(scene):
-    """Their fits share batches, which are padded to the largest of their groups."""
+    """Their fits share batches, which are padded to the largest of their groups.
+
+    Motions that are known are left out: of these, there are more side by side.
+    """
     y = scene[-1]
     rng = np.random.RandomState(2)
     wrong = np.stack([y, y, y])
@@ -132,11 +136,12 @@ def test_searches_side_by_side_find_what_they_find_alone(scene):
         labels[some] = rng.randint(y.max() + 1, size=some.sum())
     search = search_of(scene)
     search.calibrate(y)
-    together = search.run(*map(search.settled, wrong))
+    together = side_by_side(map(search.settled, wrong))
+    together = run(together, search.windows.found)
     for labels, settled in zip(wrong, together, strict=True):
         other = search_of(scene)
         other.calibrate(y)
-        alone = done(other, other.settled(labels))
+        alone = run(other.settled(labels), other.windows.found)
         np.testing.assert_array_equal(settled.labels, alone.labels)
         assert settled.energy == pytest.approx(alone.energy, rel=1e-9)
         for one, again in zip(settled.motions, alone.motions, strict=True):

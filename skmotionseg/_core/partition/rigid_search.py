@@ -17,7 +17,6 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from ..geometry.camera import log_ratio
-from ..geometry.rigid_motion import nats_of_residuals
 from ..geometry.windows import (
     FEWEST_TRACKS,
     FitRequest,
@@ -25,18 +24,21 @@ from ..geometry.windows import (
 )
 from ..labels import groups_of, indicator
 from .apartness import INLIER_SCALES, Comparisons, Links
+from .known_motions import KnownMotions, nats_in_windows
 from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
+# The median deviation of tracks from their motions, over the lower quartile: what it is
+# in simulated scenes with a tenth of outliers at most. By the quartile, groups of which
+# many tracks are outliers leave about the same noise.
+MEDIAN_OF_QUARTILE = 1.6
 # Nats per track by which a focal length must explain tracks better, for each unit of
 # the log of its ratio to the usual one. On simulated scenes, whose focal lengths are
 # within 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors
 # are 0.16 to 0.21 on average. With 1, clips of wide cameras stay at the usual one
 # whatever they show.
 NATS_OF_FOCAL_LENGTH = 0.3
-# Nats per residual that a track costs at most, whatever its motion.
-MOST_NATS = 3.0
 # What it is worth, in nats, that all of a track's links are to its own motion.
 NATS_OF_LINKS = 4.0
 # Nats that a partition costs for each nat that its labels tell: with this, and with
@@ -112,8 +114,8 @@ class RigidSearch:
         self.affinity = _links_of(affinity)
         self.degrees = self.affinity.sum(axis=1)
         self.links = Links(_links_of(affinity if simplest is None else simplest))
-        self.scale, self._fitted = windows.least_noise, {}
-        self.comparisons = Comparisons(windows, self.links, self.scale)
+        self.scale = windows.least_noise
+        self._begin()
 
     def run(self, *searches):
         """What each of some searches returns, run side by side."""
@@ -122,7 +124,7 @@ class RigidSearch:
     def _found(self, fits):
         """The motions that are asked for, each fitted once."""
         new = {fit.key: fit for fit in fits if fit.key not in self._fitted}
-        motions = self.windows.found(list(new.values()))
+        motions = self._known.found(list(new.values()))
         for (key, fit), motion in zip(new.items(), motions, strict=True):
             self._fitted[key] = fit, motion
         return [self._fitted[fit.key][1] for fit in fits]
@@ -151,8 +153,8 @@ class RigidSearch:
         if windows is None:
             return None
         other = copy(self)
-        other.windows, other._fitted = windows, {}
-        other.comparisons = Comparisons(windows, self.links, self.scale)
+        other.windows = windows
+        other._begin()
         return other
 
     def restart(self, labels):
@@ -217,12 +219,16 @@ class RigidSearch:
             self.windows.deviations(*each)[0]
             for each in zip(motions, groups, strict=True)
         ]
-        noise = float(np.median(np.concatenate(own)))
+        noise = MEDIAN_OF_QUARTILE * float(np.quantile(np.concatenate(own), 0.25))
         self.scale = max(self.windows.least_noise, SCALE_OF_NOISE * noise)
-        fits = [FitRequest(group) for group in groups]
+        self._begin(map(FitRequest, groups), motions)
+
+    def _begin(self, fits=(), motions=()):
+        """Know nothing but some fits, by the camera and the scale that are in use."""
         self._fitted = {
             fit.key: (fit, motion) for fit, motion in zip(fits, motions, strict=True)
         }
+        self._known = KnownMotions(self.windows, self.scale, motions)
         self.comparisons = Comparisons(self.windows, self.links, self.scale)
 
     def _by_focal_length(self, focal_length, groups, starts):
@@ -238,14 +244,10 @@ class RigidSearch:
 
     def costs(self, motions):
         """Nats (n, M) of each track by each motion."""
-        freedom = self.windows.freedom
-        most = MOST_NATS * freedom
-        costs = []
-        for motion in motions:
-            squares = self.windows.relative_squares(motion)
-            nats = nats_of_residuals(squares, freedom, self.scale)
-            nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
-            costs.append(np.where(freedom > 0, nats, 0).sum(axis=1))
+        costs = [
+            nats_in_windows(self.windows, motion, self.scale).sum(axis=1)
+            for motion in motions
+        ]
         return np.stack(costs, axis=1)
 
     def motions(self, labels):
