@@ -16,9 +16,9 @@ from ..geometry.windows import RigidMotion
 
 # Nats per residual that a track costs at most, whatever its motion.
 MOST_NATS = 3.0
-# Nats per residual above which a motion does not explain a group: residuals as large as
-# the scale cost a third to half of one. Such groups are fitted from several starts.
-NATS_OF_EXPLAINED = 0.6
+# Nats per residual above which a motion does not explain a group: about what residuals
+# of half the scale, the noise, cost. Such groups are fitted from several starts.
+NATS_OF_EXPLAINED = 0.3
 # Motions that there is room for at first.
 FIRST_ROOM = 64
 
@@ -86,6 +86,11 @@ class KnownMotions:
         motions = [self._better(*each) for each in zip(motions, known, strict=True)]
         self._add(motions)
         return motions
+
+    def improved(self, motion):
+        """A motion that was found, with what explains its group better since then."""
+        known = self._best_for(motion.tracks)
+        return motion if known is None else self._better(motion, known)
 
     def _add(self, motions):
         """Know some motions, those that are known already but once."""

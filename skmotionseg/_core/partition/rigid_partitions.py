@@ -255,7 +255,10 @@ def _improved(search, best, bisect):
         if better is None or not cost(better) < cost(best):
             break
         best = better
-    return best
+    # By all motions that are known by now, and were not when it was settled.
+    again = search.settled(best.labels, best.motions, ROUNDS)
+    again = yield from _step_of(search, again, lambda n: n == best.n_motions)
+    return best if again is None else min(best, again, key=cost)
 
 
 def _merged(search, labels, best):

@@ -29,10 +29,6 @@ from .side_by_side import run, side_by_side
 
 # The scale of residuals, in units of what over-segments leave.
 SCALE_OF_NOISE = 2.0
-# The median deviation of tracks from their motions, over the lower quartile: what it is
-# in simulated scenes with a tenth of outliers at most. By the quartile, groups of which
-# many tracks are outliers leave about the same noise.
-MEDIAN_OF_QUARTILE = 1.6
 # Nats per track by which a focal length must explain tracks better, for each unit of
 # the log of its ratio to the usual one. On simulated scenes, whose focal lengths are
 # within 0.6 and 1.45 by construction, the weight hardly matters: from 0.2 to 1, errors
@@ -219,7 +215,7 @@ class RigidSearch:
             self.windows.deviations(*each)[0]
             for each in zip(motions, groups, strict=True)
         ]
-        noise = MEDIAN_OF_QUARTILE * float(np.quantile(np.concatenate(own), 0.25))
+        noise = float(np.median(np.concatenate(own)))
         self.scale = max(self.windows.least_noise, SCALE_OF_NOISE * noise)
         self._begin(map(FitRequest, groups), motions)
 
@@ -281,6 +277,7 @@ class RigidSearch:
         """
         if motions is None:
             motions = yield from self.motions(labels)
+        motions = list(map(self._known.improved, motions))
         costs, linked = self.costs(motions), self._linked(labels, len(motions))
         best = _step(labels, motions, costs, linked)
         for _ in range(rounds):
