@@ -53,7 +53,7 @@ def test_what_no_known_motion_explains_is_fitted_from_several_starts(scene):
 def test_what_a_known_motion_explains_starts_with_it(scene, monkeypatch):
     """Where several starts have led elsewhere, as they may."""
     windows, scale, y = scene
-    group = np.flatnonzero(y == 0)
+    group, scale = np.flatnonzero(y == 0), 2 * scale
     known = KnownMotions(windows, scale, windows.fit([group]))
     monkeypatch.setattr(
         windows, "_poses_anew", lambda jobs, n: [[None] * len(windows.frames)] * n

@@ -83,14 +83,20 @@ class KnownMotions:
         known = [self._best_for(fit.group) for fit in fits]
         begun = [self._begun(*each) for each in zip(fits, known, strict=True)]
         motions = self._windows.found(begun)
-        motions = [self._better(*each) for each in zip(motions, known, strict=True)]
+        motions = [
+            self._better(motion, motion.tracks, best)
+            for motion, best in zip(motions, known, strict=True)
+        ]
         self._add(motions)
         return motions
 
-    def improved(self, motion):
-        """A motion that was found, with what explains its group better since then."""
-        known = self._best_for(motion.tracks)
-        return motion if known is None else self._better(motion, known)
+    def improved(self, motion, group):
+        """A motion that was found, with what explains a group better by now.
+
+        It stays a motion of the tracks that it was fitted to.
+        """
+        known = self._best_for(group)
+        return motion if known is None else self._better(motion, group, known)
 
     def _add(self, motions):
         """Know some motions, those that are known already but once."""
@@ -127,15 +133,14 @@ class KnownMotions:
         others = fit.starts if len(fit.starts) > 1 else ()
         return fit._replace(starts=(start, *others))
 
-    def _better(self, motion, known):
-        """A motion of a group, with what was known in windows where it is worse."""
+    def _better(self, motion, group, known):
+        """A motion, with what was known in windows where it is worse for a group."""
         if known is None:
             return motion
         before, least = known
-        group = motion.tracks
         nats = nats_in_windows(self._windows, motion, self._scale)[group].sum(axis=0)
         worse = nats > least
         if not worse.any():
             return motion
         chosen = [before if each else motion for each in worse]
-        return self._windows.composed(group, chosen)
+        return self._windows.composed(motion.tracks, chosen)

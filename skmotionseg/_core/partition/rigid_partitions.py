@@ -255,10 +255,19 @@ def _improved(search, best, bisect):
         if better is None or not cost(better) < cost(best):
             break
         best = better
-    # By all motions that are known by now, and were not when it was settled.
-    again = search.settled(best.labels, best.motions, ROUNDS)
-    again = yield from _step_of(search, again, lambda n: n == best.n_motions)
-    return best if again is None else min(best, again, key=cost)
+    return (yield from _settled_again(search, best))
+
+
+def _settled_again(search, best):
+    """A partition by all motions that are known by now, and were not before."""
+    cost, n_motions = rank_in(search), best.n_motions
+    for _ in range(ROUNDS):
+        again = search.settled(best.labels, best.motions, ROUNDS)
+        again = yield from _step_of(search, again, lambda n: n == n_motions)
+        if again is None or not cost(again) < cost(best):
+            break
+        best = again
+    return best
 
 
 def _merged(search, labels, best):

@@ -277,7 +277,7 @@ class RigidSearch:
         """
         if motions is None:
             motions = yield from self.motions(labels)
-        motions = list(map(self._known.improved, motions))
+        motions = list(map(self._known.improved, motions, groups_of(labels)))
         costs, linked = self.costs(motions), self._linked(labels, len(motions))
         best = _step(labels, motions, costs, linked)
         for _ in range(rounds):
