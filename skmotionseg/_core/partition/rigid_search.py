@@ -152,6 +152,7 @@ class RigidSearch:
             return None
         other = copy(self)
         other.windows, other._fitted = windows, {}
+        other.decides = windows.are_longest  # a copy has what this search remembers
         other.comparisons = Comparisons(windows, self.links, self.scale)
         return other
 
