@@ -234,6 +234,13 @@ def test_what_one_window_but_no_frame_shows_together_is_told_by_links():
     assert not judge.comparisons._at_other_times(first, second)
 
 
+def test_longer_windows_decide_for_those_of_the_search():
+    scene = before_a_still_camera(np.random.RandomState(0), n_frames=30)
+    search = search_of(scene)
+    assert not search.decides  # and it remembers that
+    assert search.over_longer_windows().decides
+
+
 @pytest.mark.parametrize("begins", [0, 10, 20])
 def test_what_drives_off_late_is_apart(begins):
     scene = before_a_still_camera(np.random.RandomState(0), n_frames=30, begins=begins)

@@ -149,7 +149,7 @@ class RigidSearch:
         if windows is None:
             return None
         other = copy(self)
-        other.windows = windows
+        other.windows, other.decides = windows, windows.are_longest
         other._begin()
         return other
 
