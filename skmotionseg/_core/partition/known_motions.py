@@ -18,7 +18,7 @@ from ..geometry.windows import RigidMotion
 MOST_NATS = 3.0
 # Nats per residual above which a motion does not explain a group: about what residuals
 # of half the scale, the noise, cost. Such groups are fitted from several starts.
-NATS_OF_EXPLAINED = 0.3
+NATS_OF_EXPLAINED = 0.6
 # Motions that there is room for at first.
 FIRST_ROOM = 64
 

@@ -255,18 +255,6 @@ def _improved(search, best, bisect):
         if better is None or not cost(better) < cost(best):
             break
         best = better
-    return (yield from _settled_again(search, best))
-
-
-def _settled_again(search, best):
-    """A partition by all motions that are known by now, and were not before."""
-    cost, n_motions = rank_in(search), best.n_motions
-    for _ in range(ROUNDS):
-        again = search.settled(best.labels, best.motions, ROUNDS)
-        again = yield from _step_of(search, again, lambda n: n == n_motions)
-        if again is None or not cost(again) < cost(best):
-            break
-        best = again
     return best
 
 
