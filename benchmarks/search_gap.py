@@ -5,9 +5,11 @@
 The number of motions is given. What the search minimises is computed for the partition
 that it found and for the true one, from which tracks are assigned and motions fitted
 again until nothing gets better; outliers, which have no true motion, begin in the
-largest, or, between two images, as mismatches. The gap is closed where what was found
-costs no more. An error where it is closed is one of the judge: another partition than
-the truth costs less.
+largest, or, between two images, as mismatches. Over windows of frames, what a group
+costs is by the best motion that the search knows, of which there are more when the
+truth is settled: so the labels that were found are then priced once more, too. The gap
+is closed where what was found costs no more. An error where it is closed is one of the
+judge: another partition than the truth costs less.
 """
 
 from __future__ import annotations
@@ -89,14 +91,15 @@ def _more_over_windows(scene, segmenter, searches):
     truth = np.maximum(true_labels(search, tracks, scene.target), 0)
     if np.bincount(truth, minlength=scene.n_motions).min() < FEWEST_TRACKS:
         return None
-    (best,) = search.run(_from_truth(search, truth))
-    cost = rank_in(search)
-    return cost(found.steps[found.chosen]) - cost(best)
+    found, cost = found.steps[found.chosen], rank_in(search)
+    (true,) = search.run(_step_of(search, truth, rounds=ROUNDS))
+    (again,) = search.run(_step_of(search, found.labels, found.motions, rounds=0))
+    return min(cost(found), cost(again)) - cost(true)
 
 
-def _from_truth(search, truth):
-    """The step of the true partition, settled."""
-    settled = yield from search.settled(truth, rounds=ROUNDS)
+def _step_of(search, labels, motions=None, *, rounds):
+    """The step of a partition, settled by what the search knows by now."""
+    settled = yield from search.settled(labels, motions, rounds)
     return (yield from with_odds(search, settled))
 
 

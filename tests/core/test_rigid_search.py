@@ -16,10 +16,12 @@ from skmotionseg._core.geometry.windows import FOCAL_STEPS, Windows
 from skmotionseg._core.partition.rigid_partitions import rank
 from skmotionseg._core.partition.rigid_search import (
     NATS_OF_LABELS,
+    SCALE_OF_NOISE,
     RigidSearch,
     Step,
     _energy,
 )
+from skmotionseg._core.partition.side_by_side import run, side_by_side
 from skmotionseg.metrics import misclassification_error
 
 
@@ -59,6 +61,25 @@ def test_settling_mends_labels_and_never_costs_more(scene):
     assert settled.energy <= before
     assert settled.energy == pytest.approx(search.energy(labels, motions))
     assert misclassification_error(y, labels) < 0.03
+
+
+@pytest.mark.parametrize(("share", "bounded"), [(0.3, False), (0.6, True)])
+def test_many_outliers_do_not_count_as_noise(scene, share, bounded):
+    """What they leave is told, but is no scale where most of a group are outliers."""
+    points, visibility, affinity, y = scene
+    rng = np.random.RandomState(0)
+    wrong = rng.random(len(y)) < share
+    steps = 5 * rng.standard_normal((wrong.sum(), *points.shape[1:]))
+    walks = points.copy()
+    walks[wrong] = np.nanmean(points[wrong], axis=1)[:, None] + steps.cumsum(axis=1)
+    search = search_of((walks, visibility, affinity, y))
+    search.calibrate(y)
+    assert (search.noise > 1.0) == bounded
+    scale = search.scale * search.windows.pixels
+    if bounded:
+        assert scale < 1.5 * search.noise
+    else:
+        assert scale == pytest.approx(SCALE_OF_NOISE * search.noise)
 
 
 def test_what_no_motion_explains_becomes_a_group(scene):
@@ -123,7 +144,10 @@ def test_what_fits_two_motions_alike_is_of_the_larger(scene):
 
 
 def test_searches_side_by_side_find_what_they_find_alone(scene):
-    """Their fits share batches, which are padded to the largest of their groups."""
+    """Their fits share batches, which are padded to the largest of their groups.
+
+    Motions that are known are left out: of these, there are more side by side.
+    """
     y = scene[-1]
     rng = np.random.RandomState(2)
     wrong = np.stack([y, y, y])
@@ -132,11 +156,12 @@ def test_searches_side_by_side_find_what_they_find_alone(scene):
         labels[some] = rng.randint(y.max() + 1, size=some.sum())
     search = search_of(scene)
     search.calibrate(y)
-    together = search.run(*map(search.settled, wrong))
+    together = side_by_side(map(search.settled, wrong))
+    together = run(together, search.windows.found)
     for labels, settled in zip(wrong, together, strict=True):
         other = search_of(scene)
         other.calibrate(y)
-        alone = done(other, other.settled(labels))
+        alone = run(other.settled(labels), other.windows.found)
         np.testing.assert_array_equal(settled.labels, alone.labels)
         assert settled.energy == pytest.approx(alone.energy, rel=1e-9)
         for one, again in zip(settled.motions, alone.motions, strict=True):

@@ -103,6 +103,13 @@ class RigidMotion(NamedTuple):
         poses = (each and refocused(each, ratio) for each in self.poses)
         return self._replace(poses=tuple(poses))
 
+    def only_in(self, windows):
+        """To start from in some windows, of which an array of booleans tells."""
+        pairs = zip(self.poses, windows, strict=True)
+        return self._replace(
+            poses=tuple(pose if kept else None for pose, kept in pairs)
+        )
+
 
 class Windows:
     """The tracks of a clip in the windows in which rigid motions are fitted.
@@ -307,6 +314,25 @@ class Windows:
             self.refine([fit.group for fit in old], starts, _most_tracks(old))
         )
         return [next(refined if fit.starts else fitted) for fit in fits]
+
+    def composed(self, group, motions):
+        """The motion of a group that is, in each window, that of another.
+
+        Parameters
+        ----------
+        group : ndarray of int
+        motions : list of RigidMotion
+            One per window.
+
+        Returns
+        -------
+        RigidMotion
+        """
+        poses = tuple(motion.poses[k] for k, motion in enumerate(motions))
+        squares = np.stack(
+            [each.squares[:, k] for k, each in enumerate(motions)], axis=1
+        )
+        return RigidMotion(poses, squares, group, *self._deviations(squares))
 
     def _motions(self, groups, poses):
         """Motions with the residuals of all tracks from them."""

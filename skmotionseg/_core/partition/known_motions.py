@@ -1,0 +1,147 @@
+"""Rigid motions that a search has fitted so far, by which other groups are explained.
+
+A search asks for the motions of hundreds of groups that differ by a few tracks. A fit
+may end at another optimum in each window, and of those that a search ends with, four in
+ten are worse somewhere than what was fitted to another group. So what is known is never
+lost: a fit starts with what explains its group best, window by window, and keeps that
+where it ends with something worse.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..geometry.rigid_motion import nats_of_residuals
+from ..geometry.windows import RigidMotion
+
+# Nats per residual that a track costs at most, whatever its motion.
+MOST_NATS = 3.0
+# Nats per residual above which a motion does not explain a group, which is then fitted
+# from several starts: about what residuals of 0.7 times the scale cost, of which the
+# noise is half.
+NATS_OF_EXPLAINED = 0.6
+# Motions that there is room for at first.
+FIRST_ROOM = 64
+
+
+def nats_in_windows(windows, motion, scale):
+    """Nats of each track by a motion, window by window.
+
+    Parameters
+    ----------
+    windows : Windows
+    motion : RigidMotion
+    scale : float
+        Of residuals.
+
+    Returns
+    -------
+    ndarray of shape (n_tracks, n_windows)
+        The most that there are where the motion is not known; 0 where a track is seen
+        too little.
+    """
+    freedom = windows.freedom
+    nats = nats_of_residuals(windows.relative_squares(motion), freedom, scale)
+    most = MOST_NATS * freedom
+    nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
+    return np.where(freedom > 0, nats, 0)
+
+
+class KnownMotions:
+    """Motions by one camera and scale, and what each track costs by them.
+
+    Parameters
+    ----------
+    windows : Windows
+        With the focal length that is in use.
+    scale : float
+        Of residuals.
+    motions : iterable of RigidMotion
+        To begin with.
+    """
+
+    def __init__(self, windows, scale, motions=()):
+        self._windows, self._scale = windows, scale
+        n_tracks, n_windows = windows.freedom.shape
+        # Tracks come first, as the costs of a group's are summed for each fit.
+        self._nats = np.empty((n_tracks, FIRST_ROOM, n_windows), dtype=np.float32)
+        self._motions: list[RigidMotion] = []
+        self._add(motions)
+
+    def found(self, fits):
+        """The motions of several :class:`FitRequest`, which are known from then on.
+
+        Parameters
+        ----------
+        fits : list of FitRequest
+
+        Returns
+        -------
+        list of RigidMotion
+            In no window worse, for all of its group, than a motion known before.
+        """
+        self._add(start for fit in fits for start in fit.starts)
+        known = [self._best_for(fit.group) for fit in fits]
+        begun = [self._begun(*each) for each in zip(fits, known, strict=True)]
+        motions = self._windows.found(begun)
+        motions = [
+            self._better(motion, motion.tracks, best)
+            for motion, best in zip(motions, known, strict=True)
+        ]
+        self._add(motions)
+        return motions
+
+    def improved(self, motion, group):
+        """A motion that was found, with what explains a group better by now.
+
+        It stays a motion of the tracks that it was fitted to.
+        """
+        known = self._best_for(group)
+        return motion if known is None else self._better(motion, group, known)
+
+    def _add(self, motions):
+        """Know some motions, those that are known already but once."""
+        for motion in motions:
+            n_known = len(self._motions)
+            if any(motion is other for other in self._motions):
+                continue
+            if n_known == self._nats.shape[1]:
+                more = np.empty_like(self._nats)
+                self._nats = np.concatenate([self._nats, more], axis=1)
+            nats = nats_in_windows(self._windows, motion, self._scale)
+            self._nats[:, n_known] = nats
+            self._motions.append(motion)
+
+    def _best_for(self, group):
+        """What is known that explains a group best, and its nats, window by window."""
+        nats = self._nats[group, : len(self._motions)].sum(axis=0)
+        if not len(nats):
+            return None
+        best = [self._motions[k] for k in nats.argmin(axis=0)]
+        return self._windows.composed(group, best), nats.min(axis=0)
+
+    def _begun(self, fit, known):
+        """A fit that starts with what is known; from several starts where that is bad.
+
+        Where it had more than one start, these are tried, too.
+        """
+        if known is None:
+            return fit
+        start, nats = known
+        if not fit.starts:
+            most = NATS_OF_EXPLAINED * self._windows.freedom[fit.group].sum(axis=0)
+            start = start.only_in(nats <= most)
+        others = fit.starts if len(fit.starts) > 1 else ()
+        return fit._replace(starts=(start, *others))
+
+    def _better(self, motion, group, known):
+        """A motion, with what was known in windows where it is worse for a group."""
+        if known is None:
+            return motion
+        before, least = known
+        nats = nats_in_windows(self._windows, motion, self._scale)[group].sum(axis=0)
+        worse = nats > least
+        if not worse.any():
+            return motion
+        chosen = [before if each else motion for each in worse]
+        return self._windows.composed(motion.tracks, chosen)
