@@ -40,6 +40,16 @@ def test_a_fit_is_nowhere_worse_than_what_was_known(scene):
         before += found
 
 
+def test_a_motion_is_not_worse_than_itself(scene):
+    """Sums of what is known are rounded, which is no reason for another motion."""
+    windows, scale, y = scene
+    groups = [np.flatnonzero(y == k) for k in np.unique(y)]
+    known = KnownMotions(windows, scale)
+    found = known.found(list(map(FitRequest, groups)))
+    for motion, group in zip(found, groups, strict=True):
+        assert known.improved(motion, group) is motion
+
+
 def test_what_no_known_motion_explains_is_fitted_from_several_starts(scene):
     windows, scale, y = scene
     one, other = (np.flatnonzero(y == k) for k in (0, 1))

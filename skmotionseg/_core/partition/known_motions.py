@@ -113,12 +113,11 @@ class KnownMotions:
             self._motions.append(motion)
 
     def _best_for(self, group):
-        """What is known that explains a group best, and its nats, window by window."""
+        """What explains a group best of what is known, and its nats, window by window."""
         nats = self._nats[group, : len(self._motions)].sum(axis=0)
         if not len(nats):
             return None
-        best = [self._motions[k] for k in nats.argmin(axis=0)]
-        return self._windows.composed(group, best), nats.min(axis=0)
+        return [self._motions[k] for k in nats.argmin(axis=0)], nats.min(axis=0)
 
     def _begun(self, fit, known):
         """A fit that starts with what is known; from several starts where that is bad.
@@ -127,7 +126,8 @@ class KnownMotions:
         """
         if known is None:
             return fit
-        start, nats = known
+        best, nats = known
+        start = self._windows.composed(fit.group, best)
         if not fit.starts:
             most = NATS_OF_EXPLAINED * self._windows.freedom[fit.group].sum(axis=0)
             start = start.only_in(nats <= most)
@@ -138,10 +138,11 @@ class KnownMotions:
         """A motion, with what was known in windows where it is worse for a group."""
         if known is None:
             return motion
-        before, least = known
-        nats = nats_in_windows(self._windows, motion, self._scale)[group].sum(axis=0)
-        worse = nats > least
+        best, least = known
+        nats = nats_in_windows(self._windows, motion, self._scale)[group]
+        # As what is known is summed, lest a motion be worse than itself.
+        worse = nats.astype(np.float32).sum(axis=0) > least
         if not worse.any():
             return motion
-        chosen = [before if each else motion for each in worse]
+        chosen = [k if w else motion for k, w in zip(best, worse, strict=True)]
         return self._windows.composed(motion.tracks, chosen)
