@@ -113,7 +113,7 @@ class KnownMotions:
             self._motions.append(motion)
 
     def _best_for(self, group):
-        """What explains a group best of what is known, and its nats, window by window."""
+        """What explains a group best, window by window, of what is known; its nats."""
         nats = self._nats[group, : len(self._motions)].sum(axis=0)
         if not len(nats):
             return None
