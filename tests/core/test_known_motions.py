@@ -94,6 +94,15 @@ def test_there_is_room_for_all_that_is_found(scene, monkeypatch):
         assert_allclose(known._nats[:, k], nats, rtol=1e-6)
 
 
+def test_nats_are_the_same_of_motions_that_are_known_and_others(scene):
+    windows, scale, y = scene
+    one, other = windows.fit([np.flatnonzero(y == k) for k in (0, 1)])
+    known = KnownMotions(windows, scale, [one])
+    for motion in (one, other):
+        nats = nats_in_windows(windows, motion, scale).sum(axis=1)
+        assert_array_equal(known.nats(motion), nats)
+
+
 def test_a_motion_is_composed_of_others(scene):
     """Its residuals are those of its poses."""
     windows, _, y = scene

@@ -140,7 +140,7 @@ class _Tried(NamedTuple):
 
 def _tried(shutter, windows, motion, tracks):
     """With the nats of the tracks."""
-    squares = windows.relative_squares(motion)[tracks]
+    squares = windows.relative_squares(motion, tracks)
     freedom = windows.freedom[tracks]
     total = float(np.nansum(nats_of_residuals(squares, freedom, _scale(windows))))
     return _Tried(shutter, windows, motion, tracks, total)

@@ -100,15 +100,11 @@ class RigidMotion(NamedTuple):
 
     def refocused(self, ratio):
         """To start from with another focal length: that in use is so many times it."""
-        poses = (each and refocused(each, ratio) for each in self.poses)
-        return self._replace(poses=tuple(poses))
+        return self.with_poses(each and refocused(each, ratio) for each in self.poses)
 
-    def only_in(self, windows):
-        """To start from in some windows, of which an array of booleans tells."""
-        pairs = zip(self.poses, windows, strict=True)
-        return self._replace(
-            poses=tuple(pose if kept else None for pose, kept in pairs)
-        )
+    def with_poses(self, poses):
+        """To start from with other poses, of which no residuals are known yet."""
+        return self._replace(poses=tuple(poses))
 
 
 class Windows:
@@ -360,15 +356,20 @@ class Windows:
         totals = np.stack([squares.sum(axis=1), (squares / self.variances).sum(axis=1)])
         return np.sqrt(totals / np.maximum(known, 1)), known
 
-    def relative_squares(self, motion):
-        """Squared residuals of all tracks, over their variances.
+    def relative_squares(self, motion, tracks=slice(None)):
+        """Squared residuals of tracks, over their variances.
+
+        Parameters
+        ----------
+        motion : RigidMotion
+        tracks : ndarray of int, default=all
 
         Returns
         -------
         ndarray of shape (n_tracks, n_windows)
             As :attr:`RigidMotion.squares`, of fast tracks as if they were at rest.
         """
-        return motion.squares / self.variances
+        return motion.squares[tracks] / self.variances[tracks]
 
     def deviations(self, motion, tracks, relative=True):
         """Root mean square residuals of some tracks, and of how many numbers.

@@ -24,8 +24,8 @@ NATS_OF_EXPLAINED = 0.6
 FIRST_ROOM = 64
 
 
-def nats_in_windows(windows, motion, scale):
-    """Nats of each track by a motion, window by window.
+def nats_in_windows(windows, motion, scale, tracks=slice(None)):
+    """Nats of tracks by a motion, window by window.
 
     Parameters
     ----------
@@ -33,6 +33,7 @@ def nats_in_windows(windows, motion, scale):
     motion : RigidMotion
     scale : float
         Of residuals.
+    tracks : ndarray of int, default=all
 
     Returns
     -------
@@ -40,8 +41,8 @@ def nats_in_windows(windows, motion, scale):
         The most that there are where the motion is not known; 0 where a track is seen
         too little.
     """
-    freedom = windows.freedom
-    nats = nats_of_residuals(windows.relative_squares(motion), freedom, scale)
+    freedom = windows.freedom[tracks]
+    nats = nats_of_residuals(windows.relative_squares(motion, tracks), freedom, scale)
     most = MOST_NATS * freedom
     nats = np.where(np.isnan(nats), most, np.minimum(nats, most))
     return np.where(freedom > 0, nats, 0)
@@ -66,7 +67,15 @@ class KnownMotions:
         # Tracks come first, as the costs of a group's are summed for each fit.
         self._nats = np.empty((n_tracks, FIRST_ROOM, n_windows), dtype=np.float32)
         self._motions: list[RigidMotion] = []
+        # By identity, which lasts as long as the motions above are kept.
+        self._totals: dict[int, np.ndarray] = {}
         self._add(motions)
+
+    def nats(self, motion):
+        """Nats (n_tracks,) of all tracks by a motion, known or not."""
+        if id(motion) in self._totals:
+            return self._totals[id(motion)]
+        return nats_in_windows(self._windows, motion, self._scale).sum(axis=1)
 
     def found(self, fits):
         """The motions of several :class:`FitRequest`, which are known from then on.
@@ -103,7 +112,7 @@ class KnownMotions:
         """Know some motions, those that are known already but once."""
         for motion in motions:
             n_known = len(self._motions)
-            if any(motion is other for other in self._motions):
+            if id(motion) in self._totals:
                 continue
             if n_known == self._nats.shape[1]:
                 more = np.empty_like(self._nats)
@@ -111,6 +120,7 @@ class KnownMotions:
             nats = nats_in_windows(self._windows, motion, self._scale)
             self._nats[:, n_known] = nats
             self._motions.append(motion)
+            self._totals[id(motion)] = nats.sum(axis=1)
 
     def _best_for(self, group):
         """What explains a group best, window by window, of what is known; its nats."""
@@ -127,10 +137,12 @@ class KnownMotions:
         if known is None:
             return fit
         best, nats = known
-        start = self._windows.composed(fit.group, best)
+        poses = [motion.poses[k] for k, motion in enumerate(best)]
         if not fit.starts:
             most = NATS_OF_EXPLAINED * self._windows.freedom[fit.group].sum(axis=0)
-            start = start.only_in(nats <= most)
+            pairs = zip(poses, nats <= most, strict=True)
+            poses = [pose if explained else None for pose, explained in pairs]
+        start = best[0].with_poses(poses)
         others = fit.starts if len(fit.starts) > 1 else ()
         return fit._replace(starts=(start, *others))
 
@@ -139,7 +151,7 @@ class KnownMotions:
         if known is None:
             return motion
         best, least = known
-        nats = nats_in_windows(self._windows, motion, self._scale)[group]
+        nats = nats_in_windows(self._windows, motion, self._scale, group)
         # As what is known is summed, lest a motion be worse than itself.
         worse = nats.astype(np.float32).sum(axis=0) > least
         if not worse.any():

@@ -239,19 +239,17 @@ class RigidSearch:
         self.windows.set_focal_length(focal_length)
         self.scale = self.windows.least_noise
         motions = self.windows.found(list(map(FitRequest, groups, starts)))
-        costs = self.costs(motions)
-        total = sum(costs[group, k].sum() for k, group in enumerate(groups))
+        total = sum(
+            nats_in_windows(self.windows, motion, self.scale, group).sum(axis=1).sum()
+            for motion, group in zip(motions, groups, strict=True)
+        )
         unusual = log_ratio(focal_length)
         total += NATS_OF_FOCAL_LENGTH * sum(map(len, groups)) * unusual
         return total, motions
 
     def costs(self, motions):
         """Nats (n, M) of each track by each motion."""
-        costs = [
-            nats_in_windows(self.windows, motion, self.scale).sum(axis=1)
-            for motion in motions
-        ]
-        return np.stack(costs, axis=1)
+        return np.stack(list(map(self._known.nats, motions)), axis=1)
 
     def motions(self, labels):
         """Search for rigid motions of the groups of a partition."""
