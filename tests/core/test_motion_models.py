@@ -9,8 +9,17 @@ import pytest
 from helpers import textbook
 from numpy.testing import assert_allclose, assert_array_equal
 
-from skmotionseg import MotionModel
-from skmotionseg._core.geometry.motion_models import MOTION_MODELS, null_vectors
+from skmotionseg import (
+    HypothesisSampler,
+    MotionModel,
+    MotionSegmenter,
+    make_motion_pipeline,
+)
+from skmotionseg._core.geometry.motion_models import (
+    MOTION_MODELS,
+    get_motion_model,
+    null_vectors,
+)
 from skmotionseg.datasets import make_rigid_motions
 
 MODELS = list(MOTION_MODELS.values())
@@ -558,6 +567,46 @@ def test_the_epipolar_error_is_that_of_scikit_image(skimage_estimate, rng):
 def test_a_model_that_cannot_be_used_is_refused(change, error, words):
     with pytest.raises(error, match=words):
         dataclasses.replace(MOTION_MODELS["affine"], **change)
+
+
+def minus(function):
+    return lambda *given: -function(*given)
+
+
+@pytest.mark.parametrize(
+    "part, function, error, words",
+    [
+        ("fit", lambda x, y: None, TypeError, r"\(4, 3, 3\) for .*; got NoneType"),
+        (
+            "fit",
+            lambda x, y: np.eye(3),
+            ValueError,
+            r"fit of the .* got shape \(3, 3\)",
+        ),
+        ("from_translation", lambda t: [np.eye(3)] * 4, TypeError, "got list"),
+        ("change_coordinates", lambda M, S, T: M + 0j, TypeError, "got complex128"),
+        ("change_coordinates", lambda M, S, T: M[0], ValueError, r"shape \(4, 3, 3\)$"),
+        ("residuals", lambda M, x, y: x, ValueError, r"\(5, 4\) .* shape \(5, 2\)"),
+        ("residuals", minus(AFFINE.residuals), ValueError, "squared errors; got -"),
+    ],
+)
+def test_a_function_that_gives_something_else_is_refused(part, function, error, words):
+    """Before any work, by all that take a model, and in words."""
+    model = dataclasses.replace(AFFINE, name="mine", **{part: function})
+    X, _ = make_rigid_motions(n_tracks=20, n_frames=4, random_state=0)
+    with pytest.raises(error, match=words):
+        HypothesisSampler(model).fit(X)
+    with pytest.raises(error, match=words):
+        MotionSegmenter(models=(model, "homography")).fit(X)
+    with pytest.raises(error, match=words):
+        make_motion_pipeline((model, "homography"))
+
+
+def test_what_determines_no_model_is_none_to_refuse():
+    nothing = dataclasses.replace(
+        AFFINE, name="mine", fit=lambda x, y: np.full((*x.shape[:-2], 3, 3), np.nan)
+    )
+    assert get_motion_model(nothing) is nothing
 
 
 def test_an_unknown_model_is_told_from_those_that_there_are():

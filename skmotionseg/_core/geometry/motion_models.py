@@ -17,6 +17,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from .model_checks import check_functions
+
 # A minimal set is degenerate when its points span less than this, in coordinates
 # whose mean distance from the centroid is sqrt(2): far below the noise of any
 # tracker, far above rounding.
@@ -625,10 +627,13 @@ def get_motion_model(model: str | MotionModel) -> MotionModel:
 
     Raises
     ------
-    ValueError
-        If there is none of that name.
+    TypeError, ValueError
+        If there is none of that name, or a function of one's own gives something else
+        than it should.
     """
     if isinstance(model, MotionModel):
+        if MOTION_MODELS.get(model.name) is not model:
+            check_functions(model)
         return model
     if not isinstance(model, str) or model not in MOTION_MODELS:
         raise ValueError(
