@@ -15,6 +15,7 @@ from .._utils.optional import require
 from .._utils.validation import check_ids
 from .._utils.writing import (
     check_apart,
+    check_kept,
     check_output,
     check_output_folder,
     check_stale,
@@ -247,11 +248,20 @@ def _check_options(arguments, video):
 
 
 def _check_split(arguments):
-    """Refuse a folder with more motions, of an earlier run, than there can be."""
+    """Refuse a folder with files that would be lost, or that would stay.
+
+    That is with what is read or written otherwise, or with more motions, of an earlier
+    run, than there can be.
+    """
     check_output_folder(arguments.split_dir)
+    if arguments.split_dir is None:
+        return
+    check_kept(
+        arguments.split_dir, {"the input": arguments.file, "--out": arguments.out}
+    )
     auto = arguments.motions == "auto"
     most = arguments.max_motions if auto else arguments.motions
-    if arguments.split_dir is not None and most is not None:
+    if most is not None:
         check_stale(arguments.split_dir, [*map(motion_file, range(-1, most))])
 
 

@@ -8,6 +8,9 @@ import shutil
 from contextlib import contextmanager
 from pathlib import Path
 
+# Names of the files of motions' tracks (see :func:`motion_file`).
+MOTION_FILES = ("motion_*.npz", "no_motion.npz")
+
 
 def check_output(path, endings=None):
     """Refuse a file that could not be written, before any work.
@@ -81,6 +84,31 @@ def motion_file(motion):
     return f"motion_{motion}.npz" if motion >= 0 else "no_motion.npz"
 
 
+def check_kept(folder, others):
+    """Refuse a folder in which motions would be written over other files.
+
+    Parameters
+    ----------
+    folder : Path
+        Need not be there.
+    others : dict of str to (Path or None)
+        What must stay, by what it is.
+
+    Raises
+    ------
+    ValueError
+    """
+    real = os.path.realpath(folder)
+    for name, path in others.items():
+        place = Path(os.path.realpath(path)) if path is not None else Path()
+        is_motion = any(map(place.match, MOTION_FILES))
+        if is_motion and os.fspath(place.parent) == real:
+            raise ValueError(
+                f"motions in {folder} may be written over {name}, {path}: name another "
+                "folder"
+            )
+
+
 def check_stale(folder, names):
     """Refuse a folder that holds motions of another segmentation, which would stay.
 
@@ -95,7 +123,7 @@ def check_stale(folder, names):
     ------
     FileExistsError
     """
-    present = [*folder.glob("motion_*.npz"), *folder.glob("no_motion.npz")]
+    present = [path for pattern in MOTION_FILES for path in folder.glob(pattern)]
     stale = sorted(path.name for path in present if path.name not in names)
     if stale:
         raise FileExistsError(

@@ -230,6 +230,22 @@ def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
     assert "motion_2.npz of another segmentation" in errors
 
 
+@pytest.mark.parametrize("lost", ["the input", "--out"])
+def test_motions_are_not_written_over_another_file(run, scene_file, tmp_path, lost):
+    """As where a motion of an earlier run is parted once more."""
+    source, out = tmp_path / "scene.npz", tmp_path / "labels.npz"
+    if lost == "the input":
+        source = tmp_path / "motion_0.npz"
+    else:
+        out = tmp_path / "no_motion.npz"
+    source.write_bytes(scene_file.read_bytes())
+    code, _, errors = run("segment", source, "--out", out, "--split-dir", tmp_path)
+    assert code == 2
+    assert f"motions in {tmp_path} may be written over {lost}, " in errors
+    assert source.read_bytes() == scene_file.read_bytes()
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(
     "options, stale",
     [

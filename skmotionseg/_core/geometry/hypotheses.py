@@ -231,8 +231,8 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
         for start in range(0, len(x), BLOCKS_A_BATCH):
             batch = slice(start, start + BLOCKS_A_BATCH)
             errors = model.residuals(local, x[batch], y[batch])
-            np.minimum(errors, largest, out=errors)
-            np.multiply(errors, unit, out=residuals[batch])
+            np.minimum(errors, largest, out=residuals[batch])
+        residuals *= unit
         yield rows, residuals.reshape(-1, len(models))[: len(rows)]
 
 

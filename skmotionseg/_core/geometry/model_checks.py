@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-# Minimal sets, and correspondences, that a model is tried on.
-N_SETS, N_POINTS = 4, 5
+# Minimal sets, pairs of frames, and correspondences that a model is tried on.
+N_SETS, N_PAIRS, N_POINTS = 4, 2, 5
+# How far points move, where their mean distance from the middle is about 1.
+MOTION = 0.1
 
 
 def check_functions(model):
@@ -24,24 +26,28 @@ def check_functions(model):
     TypeError
         If one does not give an array of real numbers.
     ValueError
-        If one gives an array of another shape, or squared errors below 0.
+        If one gives an array of another shape, or squared errors that are below 0 or
+        unknown.
     """
     rng = np.random.RandomState(0)
-    sets = rng.standard_normal((2, N_SETS, model.minimal_size, 2))
-    points = rng.standard_normal((2, N_POINTS, 2)).astype(np.float32)
-    maps = np.diag([2.0, 2.0, 1.0])[None, None]
+    x = rng.standard_normal((N_SETS, model.minimal_size, 2))
+    y = x + MOTION * rng.standard_normal(x.shape)
     models = N_SETS, 3, 3
-    fitted = _tried(model, "fit", sets, models)
-    _tried(model, "from_translation", [sets[1, :, 0]], models)
-    moved = _tried(
-        model, "change_coordinates", [fitted[None], maps, maps], (1, *models)
-    )
-    given = [moved[0].astype(np.float32), *points]
-    errors = _tried(model, "residuals", given, (N_POINTS, N_SETS))
-    if (errors < 0).any():
+    _tried(model, "fit", [x, y], models)
+    # Fits may be NaN; shifts are of any model.
+    shifts = _tried(model, "from_translation", [y[:, 0] - x[:, 0]], models)
+    of_pairs = np.stack([shifts] * N_PAIRS)
+    maps = np.stack([np.diag([size, size, 1.0]) for size in range(1, 1 + N_PAIRS)])
+    given = [of_pairs, maps[:, None], maps[:, None]]
+    _tried(model, "change_coordinates", given, (N_PAIRS, *models))
+    local = _tried(model, "change_coordinates", [shifts, maps[0], maps[0]], models)
+    points = rng.standard_normal((2, N_PAIRS, N_POINTS, 2)).astype(np.float32)
+    given = [local.astype(np.float32), *points]
+    errors = _tried(model, "residuals", given, (N_PAIRS, N_POINTS, N_SETS))
+    if not (errors >= 0).all():
         raise ValueError(
-            f"residuals of the {model.name} model must give squared errors; got "
-            f"{np.nanmin(errors):.3g}"
+            f"residuals of the {model.name} model must give squared errors of 0 or "
+            f"more for models that are finite; got {errors.min():.3g}"
         )
 
 

@@ -50,8 +50,9 @@ class MotionModel:
         simplest to the richest.
     fit : callable
         ``(..., p, 2), (..., p, 2) -> (..., 3, 3)``: the model through minimal sets of
-        points in the first and second frame, which are normalised (centroid 0, mean
-        distance sqrt(2)); NaN where a set is degenerate.
+        points in the first and second frame, each of which is normalised (all points
+        that both see have centroid 0 and mean distance sqrt(2); a set need not); NaN
+        where a set is degenerate.
     residuals : callable
         ``(K, 3, 3), (..., n, 2), (..., n, 2) -> (..., n, K)``: squared Sampson errors
         of tracks to K models, in the dtype of the points, which is float32.
