@@ -118,7 +118,7 @@ def save_motions(
     ...     [(path.name, len(load_tracks(path).data)) for path in files]
     [('motion_0.npz', 40), ('motion_1.npz', 20), ('motion_2.npz', 10)]
     """
-    X = pack_tracks(unpack_tracks(X)[0])
+    X = pack_tracks(unpack_tracks(X)[0], layout="tracks_first")
     labels = check_label_each(labels, len(X))
     track_ids = check_ids(range(len(X)) if track_ids is None else track_ids, len(X))
     folder = Path(folder)

@@ -266,7 +266,10 @@ class OnlineMotionSegmenter(BaseEstimator):
             max_motions=most, focal_length=self.focal_length, random_state=seed
         )
         try:
-            labels = _with_living(segmenter.fit(pack_tracks(points, seen)), n_living)
+            labels = _with_living(
+                segmenter.fit(pack_tracks(points, seen, layout="tracks_first")),
+                n_living,
+            )
         except TooFewTracksError:  # seen together
             return np.full(len(points), -1)
         static = background_motion(points, seen, labels)

@@ -44,7 +44,10 @@ def find_objects_in_blocks(clip, labels, report=None):
         part = clip.part(*ends)
         points, seen = clip.window(part)
         found = find_objects(
-            pack_tracks(points), labels[part.tracks], width=width, height=height
+            pack_tracks(points, layout="tracks_first"),
+            labels[part.tracks],
+            width=width,
+            height=height,
         )
         before = objects[part.tracks]
         found = np.where(found > 0, _numbers(found, before, last_seen)[found], found)

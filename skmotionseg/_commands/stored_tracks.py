@@ -279,7 +279,7 @@ class StoredClip:
         points = np.full(shape, np.nan, dtype=np.float32)
         for frame, (rows, where) in enumerate(self.frames()):
             points[rows, frame] = where
-        return pack_tracks(points)
+        return pack_tracks(points, layout="tracks_first")
 
     def part(self, start, stop):
         """Some frames, and the tracks that are seen often enough in them."""

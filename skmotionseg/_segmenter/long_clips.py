@@ -271,7 +271,7 @@ class _WindowFits:
             self.memory,
             _segment,
             estimator.set_params(n_motions=number, random_state=seed),
-            pack_tracks(*self.clip.window(part)),
+            pack_tracks(*self.clip.window(part), layout="tracks_first"),
         )
 
 

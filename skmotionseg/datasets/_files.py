@@ -17,7 +17,13 @@ from .._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._mat5 import read_mat5
 from ._moseg import read_moseg_tracks
 from ._sizes import check_table, whole_numbers
-from ._trackers import in_pixels, read_npz, warn_if_normalized, warn_if_swapped
+from ._trackers import (
+    in_pixels,
+    read_npz,
+    usual_layout,
+    warn_if_normalized,
+    warn_if_swapped,
+)
 
 KINDS = {
     ".npz": "an archive of numpy.savez with points or X",
@@ -216,7 +222,9 @@ def _check_fields(fields, image_size):
 
     Tracks that are shares of an image's size, if one is given, become pixels.
     """
-    fields["data"] = pack_tracks(unpack_tracks(fields["data"])[0])
+    fields["data"] = pack_tracks(
+        unpack_tracks(fields["data"])[0], layout="tracks_first"
+    )
     if image_size is not None:
         fields["data"] = in_pixels(fields["data"], image_size)
     labels = fields.get("target")
@@ -236,7 +244,7 @@ def _read_npy(path, layout):
     array = np.load(path, mmap_mode="r", allow_pickle=False)
     if array.ndim == 2 and layout is None:
         return {"data": array}
-    return {"data": pack_tracks(array, layout=layout)}
+    return {"data": pack_tracks(array, layout=layout or usual_layout(array))}
 
 
 def _read_mat(path):
@@ -287,7 +295,9 @@ def _pack_homogeneous(points, visibility, name):
         raise ValueError(
             f"{name!r} must have shape (3, n_tracks, n_frames); got {points.shape}"
         )
-    return pack_tracks(np.moveaxis(points[:2], 0, 2).astype(float), visibility)
+    return pack_tracks(
+        np.moveaxis(points[:2], 0, 2).astype(float), visibility, layout="tracks_first"
+    )
 
 
 def _pack_correspondences(data):
@@ -480,7 +490,8 @@ def _read_observations(places, rows, file_size):
     labels = None
     if "label" in columns:
         labels = _last_labels(len(tracks), row, frame, columns["label"])
-    fields = {"data": pack_tracks(points), "target": labels, "track_ids": tracks}
+    data = pack_tracks(points, layout="tracks_first")
+    fields = {"data": data, "target": labels, "track_ids": tracks}
     return fields
 
 

@@ -102,7 +102,11 @@ def make_rigid_motions(
     points = points + noise * rng.standard_normal(points.shape)
     y = np.repeat([*range(n_motions), -1], [*sizes, n_outliers])
     visibility = _lifetimes(n_tracks, n_frames, missing, rng)
-    return tuple(shuffle(pack_tracks(points, visibility), y, random_state=rng))
+    return tuple(
+        shuffle(
+            pack_tracks(points, visibility, layout="tracks_first"), y, random_state=rng
+        )
+    )
 
 
 def _as_tuple(shapes):

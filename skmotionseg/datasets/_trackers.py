@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from scipy.special import expit
 
-from .._core.geometry.tracks import pack_tracks, unpack_tracks
+from .._core.geometry.tracks import (
+    FARTHEST_MOVED,
+    look_swapped,
+    pack_tracks,
+    spreads,
+    unpack_tracks,
+)
 from .._utils.validation import LARGEST_SHARE, are_shares, farthest_from_zero
 from .._utils.warning import warn_user
 from ._npz import NpzArrays
@@ -24,8 +28,6 @@ SEEN = (
     "pred_visibilities",
 )
 OCCLUSION = ("occlusion", "occlusions")
-# Tracks that move over more than so many times what all of them cover are suspicious.
-FARTHEST_MOVED = 2
 
 
 def read_npz(path, *, layout=None, visible_above=None, size_known=False):
@@ -56,10 +58,11 @@ def read_npz(path, *, layout=None, visible_above=None, size_known=False):
         if name == "X" or len(arrays.shape(name)) == 2:
             data = _matrix(arrays, name, layout, visible_above)
         else:
-            layout = layout or _implied_layout(name, arrays)
+            points = arrays[name]
+            layout = layout or _implied_layout(name, arrays) or usual_layout(points)
             visibility, visible_above = _visibility(arrays, visible_above)
             data = pack_tracks(
-                arrays[name], visibility, layout=layout, visible_above=visible_above
+                points, visibility, layout=layout, visible_above=visible_above
             )
         image_size = None
         if not size_known and {"points", "occluded"} <= set(arrays):
@@ -135,6 +138,14 @@ def _implied_layout(name, arrays):
     return None
 
 
+def usual_layout(points):
+    """The layout of three axes, if nothing is said; None of others.
+
+    Where these look swapped, who reads a file is warned by :func:`warn_if_swapped`.
+    """
+    return "tracks_first" if points.ndim == 3 else None
+
+
 def _batch_layout(arrays):
     """The order of axes of "tracks" with "visibility".
 
@@ -143,7 +154,7 @@ def _batch_layout(arrays):
     """
     shape = arrays.shape("tracks")
     if len(shape) == 4 and shape[0] == 1 and shape[-1] == 2 and "visibility" in arrays:
-        of_frame, of_track = _spread(arrays["tracks"][0])
+        of_frame, of_track = spreads(arrays["tracks"][0])
         if of_track <= of_frame:
             return "frames_first"
     raise ValueError(
@@ -151,16 +162,6 @@ def _batch_layout(arrays):
         'frames first: pass layout="tracks_first" or layout="frames_first" (--layout '
         "of the command)"
     )
-
-
-def _spread(points):
-    """Median standard deviations along the second axis, and along the first."""
-    if points.dtype.kind not in "fiub" or not points.size:
-        return 0.0, 0.0
-    points = np.where(np.isfinite(points), points, np.nan)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where all are unseen
-        return tuple(np.nanmedian(np.nanstd(points, axis=axis)) for axis in (1, 0))
 
 
 def _visibility(arrays, visible_above):
@@ -210,16 +211,9 @@ def warn_if_normalized(data, name):
 
 
 def warn_if_swapped(data, name):
-    """Warn where what should be tracks looks like the points of a frame.
-
-    A track moves over less of the image than all tracks of a frame cover, or, if all
-    of it moves and there are few, not over much more.
-    """
-    n_tracks, n_frames = len(data), data.shape[1] // 2
-    if n_tracks >= n_frames:
-        return
-    of_track, of_frame = _spread(unpack_tracks(data)[0])
-    if of_track > FARTHEST_MOVED * of_frame:
+    """Warn where what should be tracks looks like the points of a frame."""
+    if look_swapped(unpack_tracks(data)[0]):
+        n_tracks, n_frames = len(data), data.shape[1] // 2
         warn_user(
             f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "
             f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "

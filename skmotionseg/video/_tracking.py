@@ -212,7 +212,8 @@ def track_video(
         raise ValueError(
             f"tracks need two frames or more; {frames.name} has {log.n_frames}"
         )
-    tracks = pack_tracks(log.assemble(min(min_length, log.n_frames)))
+    points = log.assemble(min(min_length, log.n_frames))
+    tracks = pack_tracks(points, layout="tracks_first")
     return VideoTracks(tracks, log.n_frames, width, height, frames.fps)
 
 

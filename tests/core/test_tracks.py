@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from skmotionseg import pack_tracks, unpack_tracks
 from skmotionseg._core.geometry.tracks import (
+    LAYOUTS,
     apply_similarity,
     covered,
     covisible_pairs,
@@ -248,6 +249,21 @@ def test_axes_of_length_one_are_not_taken_for_a_batch(rng, shape):
     assert X.shape == (shape[0], 2 * shape[1])
     args = points.swapaxes(0, 1)[None], visibility.T[None]
     assert_array_equal(pack_tracks(*args, layout="frames_first"), X)
+
+
+def test_points_that_look_like_frames_first_are_warned_of(rng):
+    """Unless it is said, they fit, or there are too few to cover anything."""
+    across = 300 * rng.random((40, 1, 2)) + np.arange(12)[:, None]  # as tracks move
+    seen = np.ones((40, 12), dtype=bool)
+    swapped = across.swapaxes(0, 1), seen.T
+    with pytest.warns(UserWarning, match="the 12 tracks of 40 frames .*frames_first"):
+        as_they_are = pack_tracks(*swapped)
+    assert as_they_are.shape == (12, 80)
+    for layout in LAYOUTS:
+        pack_tracks(*swapped, layout=layout)
+    pack_tracks(across, seen)
+    pack_tracks(across[:10], seen[:10])  # fewer tracks than frames
+    pack_tracks(swapped[0][:2], swapped[1][:2])
 
 
 def test_probabilities_are_seen_above_a_number():

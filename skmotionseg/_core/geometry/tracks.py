@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from itertools import pairwise
 from numbers import Real
 from typing import Any
@@ -26,6 +27,9 @@ ENOUGH_REACHED, MOST_COVISIBLE = 0.8, 24
 MOST_MORE, FEWEST_IN_PAIR = 4, 8
 # Share of the tracks below which those that go on are chance: the picture is another.
 FEWEST_GO_ON = 0.25
+# Tracks that move over more than so many times what all of them cover are suspicious,
+# if there are so many.
+FARTHEST_MOVED, FEWEST_COVERING = 2, 3
 
 
 LAYOUTS = ("tracks_first", "frames_first")
@@ -57,7 +61,8 @@ def pack_tracks(
     layout : {"tracks_first", "frames_first"}, optional
         Whether the axes of ``points`` and ``visibility`` are tracks, then frames (as
         TAPIR has them), or frames, then tracks (as CoTracker has them). Three axes are
-        taken as "tracks_first" if nothing is said; with a batch axis it must be said.
+        taken as "tracks_first" if nothing is said, and warned of where they do not look
+        like it; with a batch axis it must be said.
     visible_above : float, optional
         Needed if ``visibility`` holds probabilities: a point with a larger one was
         seen.
@@ -113,7 +118,7 @@ def pack_tracks(
             f"{visible_above}"
         )
     points = _drop_batch(_as_numbers(points, "points"), layout)
-    layout = layout or "tracks_first"
+    said, layout = layout is not None, layout or "tracks_first"
     if visibility is not None:
         visibility = _as_visibility(visibility, points.shape[:2], layout, visible_above)
         points[~visibility] = np.nan
@@ -125,7 +130,48 @@ def pack_tracks(
             f"got {int(np.isinf(points).any(axis=2).sum())} infinite points"
         )
     points[np.isnan(points).any(axis=2)] = np.nan
+    if not said and look_swapped(points):
+        warnings.warn(
+            f"the {len(points)} tracks of {points.shape[1]} frames each move over more "
+            f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "
+            'and frames are in each other\'s place, pass layout="frames_first"; if '
+            'not, layout="tracks_first"',
+            stacklevel=2,
+        )
     return points.reshape(len(points), 2 * points.shape[1])
+
+
+def look_swapped(points):
+    """Whether what should be tracks looks like the points of frames.
+
+    A track moves over less of the image than all tracks of a frame cover, or, if all
+    of it moves and there are few, not over much more.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        NaN where they are not seen.
+
+    Returns
+    -------
+    bool
+        Not where there are no fewer tracks than frames, or so few that they cover
+        little in any case.
+    """
+    if not FEWEST_COVERING <= len(points) < points.shape[1]:
+        return False
+    of_track, of_frame = spreads(points)
+    return of_track > FARTHEST_MOVED * of_frame
+
+
+def spreads(points):
+    """Median standard deviations along the second axis, and along the first."""
+    if points.dtype.kind not in "fiub" or not points.size:
+        return 0.0, 0.0
+    points = np.where(np.isfinite(points), points, np.nan)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where all are unseen
+        return tuple(np.nanmedian(np.nanstd(points, axis=axis)) for axis in (1, 0))
 
 
 def _as_numbers(values: npt.ArrayLike, name: str) -> npt.NDArray[np.floating]:
