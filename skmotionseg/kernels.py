@@ -26,6 +26,7 @@ from ._core.graph.residual_kernel import (
     own_affinity,
 )
 from ._parallel.threads import single_threaded
+from ._utils.caching import StateOfCode
 from ._utils.residuals import sent_group_size
 from ._utils.validation import forget_fit, read_matrix
 
@@ -37,7 +38,9 @@ USUAL_HYPOTHESES = 500
 GRAPH_SPARSITY = 6.0
 
 
-class ORKKernel(ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator):
+class ORKKernel(
+    StateOfCode, ClassNamePrefixFeaturesOutMixin, TransformerMixin, BaseEstimator
+):
     """Ordered residual kernel: affinities of tracks that prefer the same hypotheses.
 
     Within each frame pair, a track keeps the share ``top`` of the hypotheses with the

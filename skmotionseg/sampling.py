@@ -20,13 +20,14 @@ from ._core.geometry.hypotheses import draw_hypotheses, residual_blocks, residua
 from ._core.geometry.motion_models import MotionModel, get_motion_model
 from ._core.geometry.tracks import frame_pairs, unpack_tracks, working_coordinates
 from ._parallel.threads import single_threaded
+from ._utils.caching import StateOfCode
 from ._utils.residuals import Residuals, column_names
 from ._utils.validation import TooFewTracksError, TracksInput, forget_fit
 
 __all__ = ["HypothesisSampler"]
 
 
-class HypothesisSampler(TracksInput, TransformerMixin, BaseEstimator):
+class HypothesisSampler(StateOfCode, TracksInput, TransformerMixin, BaseEstimator):
     """Residuals of tracks to random hypotheses of one motion model.
 
     In each pair of frames ``(f, f + frame_gap)``, minimal sets of the tracks seen in

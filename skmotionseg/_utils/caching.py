@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+from typing import Any
 
 import numpy as np
+from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_memory
 
 from .._version import __version__
+from .own_code import code_of
 from .warning import warn_user
 
 
@@ -48,4 +51,27 @@ def recall(memory, function, *arguments):
     """
     # Where joblib maps arrays into memory for its workers, they are hashed as others.
     plain = [np.asarray(a) if isinstance(a, np.ndarray) else a for a in arguments]
-    return memory.cache(function)(*plain, __version__)
+    others = [a for a in arguments if not isinstance(a, np.ndarray)]
+    keeps = getattr(memory, "location", memory) is not None
+    version = _version_of(*others) if keeps else ""
+    return memory.cache(function)(*plain, version)
+
+
+def _version_of(*values):
+    """Of this package and of one's own code in some values."""
+    return f"{__version__} {code_of(*values)}"
+
+
+class StateOfCode(BaseEstimator):
+    """An estimator whose pickle says by what code it is.
+
+    So that what scikit-learn's pipelines keep is found again with that code alone.
+    """
+
+    def __getstate__(self):
+        parameters = self.get_params(deep=False).values()
+        state: Any = super().__getstate__()
+        return {**state, "_code": _version_of(*parameters)}
+
+    def __setstate__(self, state):
+        super().__setstate__({k: v for k, v in state.items() if k != "_code"})
