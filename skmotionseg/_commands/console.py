@@ -54,13 +54,28 @@ def _integer(text):
 
 def positive(text):
     """A number above 0, of a command line."""
-    try:
-        number = float(text)
-    except ValueError:
-        number = 0.0
+    number = _number(text)
     if not 0 < number < np.inf:
         raise argparse.ArgumentTypeError(f"expected a number above 0; got {text!r}")
     return number
+
+
+def threshold(text):
+    """What probabilities may be above, of a command line."""
+    number = _number(text)
+    if not 0 <= number < 1:
+        raise argparse.ArgumentTypeError(
+            f"expected a number of 0 or more and less than 1; got {text!r}"
+        )
+    return number
+
+
+def _number(text):
+    """A number, or NaN if a text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 def progress_console():

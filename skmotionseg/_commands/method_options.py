@@ -9,7 +9,7 @@ from .._core.geometry.motion_models import MOTION_MODELS
 from .._core.geometry.tracks import LAYOUTS
 from .._segmenter.selection import SELECTIONS
 from .._segmenter.views import DEFAULT_MODELS
-from .console import count, jobs, positive, seed
+from .console import count, jobs, positive, seed, threshold
 
 MOST_MOTIONS = 10  # that are tried by default
 
@@ -79,7 +79,7 @@ FILE_OPTIONS: dict[str, dict[str, Any]] = {
         "names of the arrays",
     },
     "--visible-above": {
-        "type": float,
+        "type": threshold,
         "metavar": "P",
         "help": "if the visibility in a .npz file is a probability: points above this "
         "threshold count as seen",

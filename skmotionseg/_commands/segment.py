@@ -21,7 +21,7 @@ from .._utils.writing import (
     check_stale,
     motion_file,
 )
-from ..video._frames import PICTURE_ENDINGS, is_video
+from ..video._frames import PICTURE_ENDINGS, SMALLEST_SIDE, is_video
 from .console import PICTURES, count, progress_console
 from .findings import print_findings
 from .label_files import LABEL_ENDINGS, write_labels
@@ -87,7 +87,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--grid": {
-        "type": count,
+        "type": partial(count, least=2),
         "help": "distance between tracks in pixels (default: 8; 5 to 7 for small "
         "frames)",
     },
@@ -107,7 +107,7 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
         "same command continues from there",
     },
     "--max-side": {
-        "type": count,
+        "type": partial(count, least=SMALLEST_SIDE),
         "help": "before tracking, shrink larger frames to this length of the longer "
         "side, in pixels (default: never)",
     },

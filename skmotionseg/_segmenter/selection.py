@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ SELECTORS = {
 }
 # The default, by description length, and these.
 SELECTIONS = ("description_length", *SELECTORS)
+# What a selector has that compares counts.
+OF_COUNTS = ("counts_", "costs_", "candidate_labels_", "best_index_")
 
 
 def make_selector(
@@ -81,27 +84,57 @@ def select_by_graph(selector: Any, views: np.ndarray) -> PartitionSearch:
     Raises
     ------
     ValueError
-        If its labels are not whole numbers, one per track, or none is of a motion.
+        If its labels are not whole numbers, one per track, or none is of a motion, or
+        what it says of several counts does not fit together.
+    AttributeError
+        If it has no labels.
     """
     selector.fit(np.hstack(list(views)))
     name = type(selector).__name__
+    if not hasattr(selector, "labels_"):
+        raise AttributeError(f"{name} must set labels_ in fit; it has none")
     labels = check_label_each(selector.labels_, views.shape[1], f"labels_ of {name}")
     if not (labels >= 0).any():
         raise ValueError(f"{name} found no motion: all its labels are negative")
     labels = canonical_labels(labels)
     alone = np.array([labels.max() + 1]), np.full((1, 3), np.nan), labels[None], 0
-    names = ("counts_", "costs_", "candidate_labels_", "best_index_")
-    complete = all(hasattr(selector, name) for name in names)
+    complete = all(hasattr(selector, name) for name in OF_COUNTS)
     counts, costs, candidates, best = (
-        [getattr(selector, name) for name in names] if complete else alone
+        _compared(selector, len(labels)) if complete else alone
     )
     return PartitionSearch(
-        np.asarray(counts),
-        np.asarray(costs),
-        np.asarray(candidates),
-        int(best),
+        counts,
+        costs,
+        candidates,
+        best,
         own_shares(views, labels),
         cost_names=getattr(selector, "cost_names_", ("first term", "second term")),
         cost_weights=getattr(selector, "cost_weights_", (1, 1)),
         cost_tolerance=getattr(selector, "cost_tolerance_", 1e-9),
     )
+
+
+def _compared(selector, n_tracks):
+    """What a selector says of several counts, checked: the values of ``OF_COUNTS``."""
+    name = type(selector).__name__
+    counts, costs, candidates = (
+        np.asarray(getattr(selector, k)) for k in OF_COUNTS[:3]
+    )
+    shapes = {
+        "counts_": (counts.shape, (counts.size,)),
+        "costs_": (costs.shape, (counts.size, 3)),
+        "candidate_labels_": (candidates.shape, (counts.size, n_tracks)),
+    }
+    for attribute, (shape, expected) in shapes.items():
+        if shape != expected:
+            raise ValueError(
+                f"{attribute} of {name} must have shape {expected}, for {counts.size} "
+                f"counts and {n_tracks} tracks; got {shape}"
+            )
+    best = selector.best_index_
+    if not (isinstance(best, Integral) and 0 <= int(best) < counts.size):
+        raise ValueError(
+            f"best_index_ of {name} must be a position among {counts.size} counts; got "
+            f"{best!r}"
+        )
+    return counts, costs, candidates, int(best)

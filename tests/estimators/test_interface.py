@@ -738,9 +738,17 @@ def test_residuals_of_another_number_are_refused_after_fit_too():
         kernel.transform(other)
 
 
-def test_a_fusion_of_another_shape_is_refused():
-    clustering = MultiModelSpectralClustering(fusion=lambda views, n: views[:, :, :1])
-    with pytest.raises(ValueError, match=r"a fusion must give .*\(1, 4, 2\); got"):
+@pytest.mark.parametrize(
+    "fusion, words",
+    [
+        (lambda views, n: views[:, :, :1], r"got shape \(1, 4, 1\)"),
+        (lambda views, n: views[:, :, :n] + 0j, "got dtype complex128"),
+        (lambda views, n: views[:, :, :n] * np.nan, "got 8 that are NaN or infinite"),
+    ],
+)
+def test_a_fusion_that_gives_no_embeddings_is_refused(fusion, words):
+    clustering = MultiModelSpectralClustering(fusion=fusion)
+    with pytest.raises(ValueError, match=rf"a fusion must .*\(1, 4, 2\); {words}"):
         clustering.fit(np.ones((4, 4)))
 
 

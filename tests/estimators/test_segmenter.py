@@ -237,6 +237,53 @@ def test_labels_of_a_selection_are_checked(scene):
         fitted([-1])
 
 
+class _Compares(BaseEstimator):
+    """A selection that compares two counts, but for attributes that are others."""
+
+    def __init__(self, others):
+        self.others = others
+
+    def fit(self, X, y=None):
+        self.labels_ = np.arange(len(X)) % 2
+        self.counts_, self.best_index_ = np.array([1, 2]), 1
+        self.costs_ = np.zeros((2, 3))
+        self.candidate_labels_ = np.stack([np.zeros_like(self.labels_), self.labels_])
+        vars(self).update(self.others)
+        return self
+
+
+@pytest.mark.parametrize(
+    "others, words",
+    [
+        (
+            {"costs_": np.zeros((2, 2))},
+            r"costs_ .* must have shape \(2, 3\), .*\(2, 2\)",
+        ),
+        ({"candidate_labels_": np.zeros((2, 5))}, r"candidate_labels_ .* got \(2, 5\)"),
+        ({"counts_": np.ones((2, 1))}, r"counts_ .* \(2,\), .*; got \(2, 1\)"),
+        ({"best_index_": 7}, "best_index_ of _Compares .* among 2 counts; got 7"),
+        ({"best_index_": None}, "best_index_ of _Compares .*; got None"),
+    ],
+)
+def test_what_a_selection_says_of_counts_is_checked(scene, others, words):
+    def fitted(others):
+        selection = _Compares(others)
+        return MotionSegmenter(selection=selection, n_hypotheses=20).fit(scene[0])
+
+    assert fitted({}).counts_.tolist() == [1, 2]
+    with pytest.raises(ValueError, match=words):
+        fitted(others)
+
+
+def test_a_selection_without_labels_is_refused(scene):
+    class Silent(_Says):
+        def fit(self, X, y=None):
+            return self
+
+    with pytest.raises(AttributeError, match="Silent must set labels_ in fit"):
+        MotionSegmenter(selection=Silent([0]), n_hypotheses=20).fit(scene[0])
+
+
 def test_coordinates_that_are_no_pixels_are_warned_of():
     points, _ = room_and_car(0)
     X = pack_tracks(points / [1280, 720])

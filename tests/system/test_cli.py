@@ -733,6 +733,18 @@ def test_an_interrupt_is_a_line_and_the_exit_code_of_shells(
             (["segment", "x.npz", "--seed", given], "a whole number from 0 to 42949672")
             for given in ("-1", "4294967296", "some")
         ),
+        *(
+            (
+                ["segment", "x.npz", "--visible-above", given],
+                f"expected a number of 0 or more and less than 1; got {given!r}",
+            )
+            for given in ("-0.1", "1", "nan", "far")
+        ),
+        (["segment", "x.mp4", "--grid", "1"], "--grid: expected a whole number, 2 or"),
+        (
+            ["segment", "x.mp4", "--max-side", "10"],
+            "--max-side: expected a whole number",
+        ),
         (["segment", "x.npz", "--jobs", "0"], "or -1 for all processors; got '0'"),
         (["segment", "x.npz", "--selection", "best"], "invalid choice: 'best'"),
         (["bench", "--data", ".", "--methods", "best"], "invalid choice: 'best'"),

@@ -215,11 +215,17 @@ def bind_fusion(fusion, *, lam, gamma, max_iter, tol):
 def _fuse_by(function, graph, n_clusters):
     """What a user's function gives, checked; it may work in place."""
     given = graph.normalized.copy()
-    embeddings = np.asarray(function(given, n_clusters), dtype=float)
-    expected = (*graph.normalized.shape[:2], n_clusters)
-    if embeddings.shape != expected or not np.isfinite(embeddings).all():
-        raise ValueError(
-            "a fusion must give finite embeddings of shape (n_views, n, n_clusters) = "
-            f"{expected}; got shape {embeddings.shape}"
-        )
-    return Fusion(embeddings, np.zeros(0))
+    embeddings = np.asarray(function(given, n_clusters))
+    wanted = (*graph.normalized.shape[:2], n_clusters)
+    expected = (
+        "a fusion must give finite real embeddings of shape (n_views, n, n_clusters) = "
+        f"{wanted}"
+    )
+    if embeddings.shape != wanted:
+        raise ValueError(f"{expected}; got shape {embeddings.shape}")
+    if embeddings.dtype.kind not in "fiub":
+        raise ValueError(f"{expected}; got dtype {embeddings.dtype}")
+    n_bad = np.count_nonzero(~np.isfinite(embeddings))
+    if n_bad:
+        raise ValueError(f"{expected}; got {n_bad} that are NaN or infinite")
+    return Fusion(embeddings.astype(float), np.zeros(0))
