@@ -54,7 +54,8 @@ class _ByName(pickle.Pickler):
         self.found = []
 
     def reducer_override(self, value):
-        if isinstance(value, FunctionType | type):
+        wrapped = getattr(value, "__wrapped__", None)  # as of functools.cache
+        if isinstance(value, FunctionType | type) or isinstance(wrapped, FunctionType):
             self.found.append(value)
         return NotImplemented
 

@@ -26,6 +26,8 @@ from skmotionseg._utils.own_code import code_of
 from skmotionseg.datasets import make_rigid_motions
 
 CODE = '''
+import functools
+
 import numpy as np
 from skmotionseg import EigengapModelSelector, MotionModel
 
@@ -45,6 +47,11 @@ def fit(x, y, size=1.0):
 def fusion(views, n_clusters, power=2):
     mean = views.mean(axis=0) ** power
     return np.stack([np.linalg.eigh(mean)[1][:, -n_clusters:]] * len(views))
+
+
+@functools.cache
+def double(number):
+    return 2 * number
 
 
 class Selector(EigengapModelSelector):
@@ -94,6 +101,8 @@ def test_the_code_of_a_class_is_that_of_its_methods(written):
     first = code_of(written().Selector())
     assert first
     assert code_of(written("super().fit(X, y)", "super().fit(X)").Selector()) != first
+    cached = code_of(written("2 * number", "3 * number").double)
+    assert cached != code_of(written().double)
     partial = functools.partial(written().fusion, power=2)
     edited = functools.partial(written("power=2", "power=3").fusion, power=2)
     assert code_of(partial) != code_of(edited)
