@@ -13,10 +13,16 @@ from skmotionseg import (
     MotionSegmenter,
     make_motion_pipeline,
 )
-from skmotionseg._core.geometry.motion_models import get_motion_model
+from skmotionseg._core.geometry.model_checks import check_functions
+from skmotionseg._core.geometry.motion_models import MOTION_MODELS
 from skmotionseg.datasets import make_rigid_motions
 
 AFFINE = MotionModel.built_in("affine")
+
+
+@pytest.mark.parametrize("name", MOTION_MODELS)
+def test_the_built_in_models_pass(name):
+    check_functions(MOTION_MODELS[name])
 
 
 def minus(function):
@@ -76,7 +82,7 @@ def test_what_determines_no_model_is_none_to_refuse():
         fit=lambda x, y: np.full((*x.shape[:-2], 3, 3), np.nan),
         residuals=residuals,
     )
-    assert get_motion_model(nothing) is nothing
+    check_functions(nothing)
 
 
 def test_residuals_may_be_whole_numbers_that_cannot_be_written_to():
