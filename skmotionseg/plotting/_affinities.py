@@ -21,6 +21,7 @@ from ._drawing import (
     check_affinities,
     check_names,
     count_motions,
+    figure_of,
     last_step,
     read_stacked,
     refuse_windows,
@@ -217,7 +218,7 @@ class AffinityDisplay:
         shape = len(views), 1 + len(partitions)
         axes = _check_axes(axes, shape)
         self.figure_, self.axes_ = (
-            _new_axes(shape) if axes is None else (axes[0, 0].figure, axes)
+            _new_axes(shape) if axes is None else (figure_of(axes[0, 0]), axes)
         )
         self.order_ = _order(labels, partitions)
         self.images_ = np.empty(shape, dtype=object)

@@ -171,7 +171,8 @@ class CountDisplay:
         ------
         ValueError
             If affinities are not made of square, symmetric, finite blocks that are not
-            negative, or partitions do not fit them or have one number of motions twice.
+            negative, partitions do not fit them or have one number of motions twice, or
+            ``delta`` is negative or not finite.
         """
         views = read_stacked(affinities)
         n = views.shape[1]
@@ -183,8 +184,10 @@ class CountDisplay:
                 "there must be one partition per number of motions; got some of "
                 f"{counts.tolist()}"
             )
-        delta = NCREModelSelector().delta if delta is None else delta
-        costs = np.stack([partition_costs(views, p, float(delta)) for p in labellings])
+        delta = NCREModelSelector().delta if delta is None else float(delta)
+        if not 0 <= delta < np.inf:
+            raise ValueError(f"delta must be a number of 0 or more; got {delta}")
+        costs = np.stack([partition_costs(views, p, delta) for p in labellings])
         chosen = int(counts[costs[:, 2].argmin()])
         return cls(counts, costs, chosen, weights=(1, delta)).plot(ax=ax)
 

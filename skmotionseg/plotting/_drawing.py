@@ -28,8 +28,14 @@ def figure_and_ax(
 ) -> tuple[Any, Axes]:
     """The figure of the axes given, or a new one of that size in inches."""
     if ax is not None:
-        return ax.figure, ax
+        return figure_of(ax), ax
     return require_pyplot().subplots(figsize=figsize, layout=layout)
+
+
+def figure_of(ax: Axes) -> Any:
+    """The whole figure of some axes, which may be in a part of it."""
+    figure: Any = ax.figure
+    return figure.figure or figure  # a SubFigure knows that it is in
 
 
 def legend_below(ax: Axes, n_columns: int) -> Any:

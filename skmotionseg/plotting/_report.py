@@ -10,7 +10,7 @@ from sklearn.base import BaseEstimator
 
 from .._segmenter.report import pixels
 from ._counts import CountDisplay
-from ._drawing import last_step, legend_below, refuse_windows, require_pyplot
+from ._drawing import figure_of, last_step, legend_below, refuse_windows, require_pyplot
 from ._tracks import MotionDisplay
 
 # Inches: both parts side by side, the tracks the wider one.
@@ -154,7 +154,7 @@ class ReportDisplay:
             _, axes = plt.subplots(
                 1, 2, figsize=FIGURE_SIZE, width_ratios=WIDTHS, layout="constrained"
             )
-        self.axes_, self.figure_ = axes, axes[0].figure
+        self.axes_, self.figure_ = axes, figure_of(axes[0])
         self.motions_ = motions.plot(ax=axes[0])
         self._name_motions()
         self.counts_ = _count_display(self.report).plot(ax=axes[1])

@@ -148,10 +148,14 @@ def open_frames(source, cameras=False):
             f"{type(source).__name__}"
         ) from None
     n_announced = len(source) if hasattr(source, "__len__") else None
-    if iterator is source:  # which may fill one array again and again
-        copied = partial(np.array, subok=True)
-        return Frames("the arrays", lambda: map(copied, source))
-    return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
+    if isinstance(source, list | tuple | np.ndarray):
+        return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
+    copied = partial(np.array, subok=True)  # others may fill one again and again
+    return Frames(
+        "the arrays",
+        lambda: map(copied, source if iterator is source else iter(source)),
+        n_announced=n_announced,
+    )
 
 
 def first_frames(frames, n_frames, report):

@@ -393,6 +393,12 @@ def test_costs_of_partitions_are_those_of_the_selector():
     assert display.chosen == selector.n_clusters_
 
 
+@pytest.mark.parametrize("delta", [-1, np.nan, np.inf])
+def test_a_weight_of_the_reconstruction_is_a_number_of_0_or_more(delta):
+    with pytest.raises(ValueError, match=f"delta must be .*; got {float(delta)}"):
+        CountDisplay.from_predictions(STACKED, [Y], delta=delta)
+
+
 def test_counts_that_were_passed_over_are_hollow():
     costs = np.arange(12.0).reshape(4, 3)
     hollow = [False, True, False, True]
@@ -755,6 +761,18 @@ def test_axes_that_are_given_are_used(name):
     assert display.figure_ is figure
     assert not other.has_data()
     assert plt.get_fignums() == [figure.number]
+
+
+@pytest.mark.parametrize("name", DISPLAYS)
+def test_the_figure_of_axes_in_a_part_of_it_is_the_whole(name):
+    figure = plt.figure(figsize=(12, 6))
+    part, _ = figure.subfigures(1, 2)
+    inner, _ = part.subfigures(2, 1)
+    if name in SEVERAL_AXES:
+        display = DISPLAYS[name].plot(axes=inner.subplots(1, 2))
+    else:
+        display = DISPLAYS[name].plot(ax=inner.subplots())
+    assert display.figure_ is figure
 
 
 def test_affinity_axes_that_are_given_are_used():

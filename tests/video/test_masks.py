@@ -107,14 +107,23 @@ def test_masks_of_shrunk_frames_have_the_size_of_the_frames(frames, tracked):
         assert region_similarity(inside(frame), mask == 1) > 0.75
 
 
-def test_an_array_may_be_filled_with_each_frame(frames, tracked):
-    def shown():
-        array = np.empty_like(frames[0])
-        for frame in frames:
+class Filled:
+    """Frames that can be read again, each time into one array."""
+
+    def __init__(self, frames):
+        self.frames = frames
+
+    def __iter__(self):
+        array = np.empty_like(self.frames[0])
+        for frame in self.frames:
             array[:] = frame
             yield array
 
-    masks = list(dense_masks(shown(), *tracked))
+
+@pytest.mark.parametrize("again", [False, True])
+def test_an_array_may_be_filled_with_each_frame(frames, tracked, again):
+    source = Filled(frames)
+    masks = list(dense_masks(source if again else iter(source), *tracked))
     assert_array_equal(masks, list(dense_masks(frames, *tracked)))
 
 
