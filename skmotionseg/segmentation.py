@@ -497,6 +497,12 @@ estimator, default="description_length"
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):
             found = self._partition(*fitted, affinities, seeds, len(points))
+        if found.unexplained:
+            warn_user(
+                f"half of the tracks are {found.unexplained:.2g} pixels or more from "
+                "the motion that they are assigned to, so most of them may be wrong, "
+                "and so may labels and their probabilities",
+            )
         with clock.measure("placing"):
             self._keep(points, visibility, affinities, found)
         self.stage_seconds_ = clock.with_total()

@@ -113,6 +113,7 @@ def test_the_default_parts_photographs():
     assert (again == segmenter.labels_)[inside].mean() > 0.9
 
 
+@pytest.mark.filterwarnings("ignore:half of the tracks are:UserWarning")
 def test_photographs_of_junk_have_a_motion_as_any_clip_of_it():
     rng = np.random.RandomState(4)
     points, seen = rng.uniform(0, 500, (30, 4, 2)), rng.uniform(size=(30, 4)) < 0.8

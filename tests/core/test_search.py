@@ -199,6 +199,15 @@ def test_tracks_of_two_images_without_affinity_have_no_label():
     assert misclassification_error(y[others], labels[others]) < 0.1
 
 
+def windows_in_which(left):
+    """Windows in which tracks are so far from their motion, in a 1280 pixel video."""
+    return SimpleNamespace(
+        deviations=lambda motion, group, relative: (np.full(len(group), left), None),
+        pixels=640.0,
+        size=1280.0,
+    )
+
+
 def test_costs_of_rigid_motions_and_which_are_distinct():
     labels = np.repeat([0, 1, 2], [7, 3, 2])
     steps = {
@@ -207,8 +216,9 @@ def test_costs_of_rigid_motions_and_which_are_distinct():
         3: Step(0.0, labels, ["a", "b", "c"], (1, 2), -np.log(4)),
     }
     terms = {1: (0.0, 5.0), 2: (0.1, 2.0), 3: (0.25, 1.5)}
+    windows = windows_in_which(0.0)
     search = SimpleNamespace(
-        windows="windows", terms=lambda labels, motions: terms[len(motions)]
+        windows=windows, terms=lambda labels, motions: terms[len(motions)]
     )
     found = _rigid_costs(search, RigidPartitions(steps, 2))
     for count, (cut, nats) in terms.items():
@@ -217,8 +227,18 @@ def test_costs_of_rigid_motions_and_which_are_distinct():
         assert own is steps[count].labels
     assert found.log_odds == {2: np.log(3), 3: -np.log(4)}
     assert found.gainless == {3: (1, 2)}  # the number that was passed over
-    assert found.rigid == ("windows", ["a", "b"])
+    assert found.rigid == (windows, ["a", "b"])
     assert_allclose(found.distinct, [1, 0.75])
     # Where the number is given, nobody asks.
     alone = _rigid_costs(search, RigidPartitions({2: steps[2]}, 2))
     assert alone.distinct is None
+
+
+@pytest.mark.parametrize("left, pixels", [(1.0, 0.0), (2.0, 4.0)])
+def test_what_motions_do_not_explain_is_in_pixels_of_the_video(left, pixels):
+    step = Step(0.0, np.repeat([0, 1], 6), ["a", "b"], (0, 1), np.log(3))
+    search = SimpleNamespace(
+        windows=windows_in_which(left / 640), terms=lambda *_: (0.0, 5.0)
+    )
+    found = _rigid_costs(search, RigidPartitions({2: step}, 2))
+    assert found.unexplained == pytest.approx(pixels)

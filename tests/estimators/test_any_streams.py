@@ -89,6 +89,7 @@ CASES = {"short": 4, "long": 1000}
 PIECES = range(CASES["long"] // CASES_A_TEST)
 
 
+@pytest.mark.filterwarnings("ignore:half of the tracks are:UserWarning")
 @pytest.mark.parametrize(
     "piece", [None, *(pytest.param(p, marks=pytest.mark.long) for p in PIECES)]
 )

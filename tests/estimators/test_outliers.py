@@ -150,6 +150,20 @@ def test_motions_are_searched_again_without_many_outliers(
     assert (last[y < 0].mean() < 0.15) == (n_searches > 1)
 
 
+@pytest.mark.parametrize("outliers, is_warned_of", [(0.3, False), (0.8, True)])
+def test_tracks_that_are_mostly_outliers_are_warned_of(outliers, is_warned_of):
+    X, _ = make_rigid_motions(120, 12, 2, outliers=outliers, random_state=1)
+    segmenter = MotionSegmenter(random_state=0)
+    if is_warned_of:
+        with pytest.warns(
+            UserWarning, match="half of the tracks are .* pixels or more"
+        ):
+            segmenter.fit(X)
+    else:
+        segmenter.fit(X)  # warnings are errors
+    assert segmenter.n_motions_ >= 1
+
+
 def test_rejection_changes_no_other_label():
     X, _ = make_rigid_motions(150, 6, 2, outliers=0.2, random_state=0)
     rejected = MotionSegmenter(random_state=0, **QUICK).fit(X)
