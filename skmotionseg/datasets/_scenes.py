@@ -140,7 +140,7 @@ def make_scene(
           motion first, -1 for tracks of no motion;
         - ``truth``, ndarray of shape (n_tracks, 2 * n_frames): the same tracks as
           images of rigid things, without noise, ``motion_noise`` and ``bending``;
-        - ``n_motions``, int;
+        - ``n_motions``, int: fewer than asked for where no track of one is seen;
         - ``background``, int: label of what stands still in the world, -1 if nothing
           does;
         - ``separation``, float: share of the tracks of motions that their own motion
@@ -366,7 +366,8 @@ def _track(thing, n_tracks, occluders, camera, settings, chosen, rng):
     if chosen.whole:
         seen = visible & visible.all(axis=1, keepdims=True)
     elif chosen.seen is not None:
-        seen = photographs(visible, settings.seen, 2, rng)
+        share = 1.0 if settings.seen is None else settings.seen
+        seen = photographs(visible, share, 2, rng)
     else:
         seen = lifetimes(visible, births, ends, _min_seen(settings))
         if settings.gaps:
@@ -464,6 +465,13 @@ def _film(
         camera, things, shares, has_background, settings, chosen, rng
     )
     target, order = _largest_first(target, len(things))
+    if has_background and 0 not in order:
+        raise ValueError(
+            f"the camera of this {family} scene sees no track of what stands still; "
+            f"its focal length is {settings.focal:.3g} pixels, and tracks are seen in "
+            f"{'all' if settings.seen is None else format(settings.seen, '.0%')} of "
+            "the frames that could see them"
+        )
     background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]

@@ -240,9 +240,10 @@ class FusionWeightDisplay:
         return self
 
     def _line(self, values, errors, position, name, **style):
+        order = np.argsort(values)
         (line,) = self.ax_.plot(
-            values,
-            errors,
+            values[order],
+            errors[order],
             color=series_colour(position),
             marker=MARKERS[position % len(MARKERS)],
             markersize=4,

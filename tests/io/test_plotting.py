@@ -581,6 +581,8 @@ def test_weights_are_drawn_in_percent_over_a_log_axis():
     assert display.ax_.get_xscale() == "log"
     assert display.ax_.get_xlabel() == "lambda"
     assert texts(display.legend_) == ["A", "H", "fused"]
+    mixed = FusionWeightDisplay.from_predictions([1, 0.01, 0.1], [0.3, 0.1, 0.2])
+    assert_allclose(mixed.line_.get_data(), [[0.01, 0.1, 1], [10, 20, 30]])
 
 
 @pytest.mark.parametrize(

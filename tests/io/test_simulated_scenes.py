@@ -124,11 +124,24 @@ def test_scenes_may_have_no_noise():
         ("street", {"image_size": (np.inf, 3)}, "image_size must be .*; got .inf"),
         ("street", {"background": None}, "background must be a number .*; got None"),
         ("street", {"n_frames": 2.5}, "n_frames must be whole; got 2.5"),
+        ("photographs", {"seen": 0}, "sees no track of what stands still; .* in 0% of"),
+        (
+            "two_images",
+            {"focal": 50, "n_tracks": 100, "n_motions": 4},
+            "sees no track of what stands still; its focal length is 3.6",
+        ),
     ],
 )
 def test_what_cannot_be_is_an_error(family, overrides, words):
     with pytest.raises(ValueError, match=words):
         make_scene(family, random_state=0, **overrides)
+
+
+def test_photographs_may_all_show_what_they_see():
+    some, all_ = (
+        make_scene("photographs", seen=s, random_state=0) for s in (0.5, None)
+    )
+    assert np.isnan(all_.data).mean() < np.isnan(some.data).mean()
 
 
 # --------------------------------------------------------------------------- the truth

@@ -48,7 +48,7 @@ SHARE_IN_WINDOWS = 0.5
 MANY_OUTLIERS = 0.03
 MOST_SEARCHES_AGAIN = 3
 # Pixels, of a video 640 pixels wide, that half of the tracks are from their motions,
-# above which these explain little: in simulated and real clips it is 0.03 to 0.3, where
+# above which these explain little: in simulated and real clips it is 0.03 to 0.6, where
 # 70 % of the tracks are walks, over 2, and of points at random over 200.
 MOST_UNEXPLAINED = 1.5
 
