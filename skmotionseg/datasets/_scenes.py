@@ -458,6 +458,18 @@ def _tracks(camera, things, shares, has_background, settings, chosen, rng):
     return points, seen, target
 
 
+def _background_among(order, family, settings):
+    """The label of what stands still, which is the first of the things."""
+    if 0 not in order:
+        raise ValueError(
+            f"the camera of this {family} scene sees no track of what stands still; "
+            f"its focal length is {settings.focal:.3g} pixels, and tracks are seen in "
+            f"{'all' if settings.seen is None else format(settings.seen, '.0%')} of "
+            "the frames that could see them"
+        )
+    return int(np.flatnonzero(order == 0)[0])
+
+
 def _film(
     family, camera, things, shares, has_background, settings, chosen, rng, bend_rng
 ):
@@ -465,14 +477,7 @@ def _film(
         camera, things, shares, has_background, settings, chosen, rng
     )
     target, order = _largest_first(target, len(things))
-    if has_background and 0 not in order:
-        raise ValueError(
-            f"the camera of this {family} scene sees no track of what stands still; "
-            f"its focal length is {settings.focal:.3g} pixels, and tracks are seen in "
-            f"{'all' if settings.seen is None else format(settings.seen, '.0%')} of "
-            "the frames that could see them"
-        )
-    background = int(np.flatnonzero(order == 0)[0]) if has_background else -1
+    background = _background_among(order, family, settings) if has_background else -1
     shuffled = rng.permutation(len(points))
     points, seen, target = points[shuffled], seen[shuffled], target[shuffled]
     noise = {name: settings[name] for name in _NOISES}
