@@ -446,6 +446,12 @@ estimator, default="description_length"
             preferred hypothesis with another.
         MemoryError
             If ``n_landmarks`` asks for more tracks than fit into memory.
+
+        Warns
+        -----
+        UserWarning
+            If the tracks are not in pixels, if half of them are far from the motion
+            that they are assigned to, or if ``memory`` has no effect.
         """
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")

@@ -81,6 +81,11 @@ def pack_tracks(
         If the shapes do not fit, there is more than one video in the batch, or a point
         marked as seen is infinite.
 
+    Warns
+    -----
+    UserWarning
+        If nothing is said of the layout, and the points look as if frames came first.
+
     Examples
     --------
     >>> import numpy as np
