@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import pickle
-from types import CodeType, FunctionType, MethodType
+from types import CodeType, FunctionType
 
 import joblib
 
@@ -41,7 +41,7 @@ def code_of(*values):
         pickler.dump(values)
     except Exception:  # whatever pickles raise; who keeps the values says so
         return ""
-    seen: dict[int, object] = {}
+    seen: set[int] = set()  # identities, of what modules and classes keep
     parts = [part for value in pickler.found for part in _parts_of(value, seen)]
     return hashlib.blake2b(repr(parts).encode()).hexdigest() if parts else ""
 
@@ -65,7 +65,7 @@ def _parts_of(value, seen):
     package = getattr(value, "__module__", None) or ""
     if id(value) in seen or package.partition(".")[0] in OTHERS:
         return
-    seen[id(value)] = value
+    seen.add(id(value))
     value = getattr(value, "__wrapped__", value)
     if isinstance(value, type):
         for name, member in sorted(vars(value).items()):
@@ -89,8 +89,8 @@ def _functions_of(member):
     """The functions of a member of a class."""
     if isinstance(member, property):
         return [each for each in (member.fget, member.fset) if each is not None]
-    member = getattr(member, "__func__", member)
-    return [member] if isinstance(member, FunctionType | MethodType) else []
+    member = getattr(member, "__func__", member)  # of class and static methods
+    return [member] if isinstance(member, FunctionType) else []
 
 
 def _said(code):

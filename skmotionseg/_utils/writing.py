@@ -100,9 +100,10 @@ def check_kept(folder, others):
     """
     real = os.path.realpath(folder)
     for name, path in others.items():
-        place = Path(os.path.realpath(path)) if path is not None else Path()
-        is_motion = any(map(place.match, MOTION_FILES))
-        if is_motion and os.fspath(place.parent) == real:
+        if path is None:
+            continue
+        place, file = os.path.split(os.path.realpath(path))
+        if place == real and any(map(Path(file).match, MOTION_FILES)):
             raise ValueError(
                 f"motions in {folder} may be written over {name}, {path}: name another "
                 "folder"

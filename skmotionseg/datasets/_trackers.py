@@ -6,7 +6,6 @@ import numpy as np
 from scipy.special import expit
 
 from .._core.geometry.tracks import (
-    FARTHEST_MOVED,
     look_swapped,
     pack_tracks,
     spreads,
@@ -212,14 +211,9 @@ def warn_if_normalized(data, name):
 
 def warn_if_swapped(data, name):
     """Warn where what should be tracks looks like the points of a frame."""
-    if look_swapped(unpack_tracks(data)[0]):
-        n_tracks, n_frames = len(data), data.shape[1] // 2
-        warn_user(
-            f"the {n_tracks} tracks of {n_frames} frames in {name} each move over more "
-            f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "
-            'and frames are in each other\'s place, pass layout="frames_first" '
-            "(--layout frames_first of the command)",
-        )
+    doubt = look_swapped(unpack_tracks(data)[0], f" in {name}")
+    if doubt:
+        warn_user(f"{doubt} (--layout frames_first of the command)")
 
 
 def in_pixels(data, image_size):

@@ -141,7 +141,7 @@ def open_frames(source, cameras=False):
         path = Path(source)
         return _open_folder(path) if path.is_dir() else _open_video(path)
     try:
-        iterator = iter(source)
+        iter(source)
     except TypeError:
         raise TypeError(
             "expected the path of a video or of a folder of frames, or arrays; got "
@@ -151,11 +151,7 @@ def open_frames(source, cameras=False):
     if isinstance(source, list | tuple | np.ndarray):
         return Frames("the arrays", lambda: iter(source), n_announced=n_announced)
     copied = partial(np.array, subok=True)  # others may fill one again and again
-    return Frames(
-        "the arrays",
-        lambda: map(copied, source if iterator is source else iter(source)),
-        n_announced=n_announced,
-    )
+    return Frames("the arrays", lambda: map(copied, source), n_announced=n_announced)
 
 
 def first_frames(frames, n_frames, report):

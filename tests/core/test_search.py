@@ -202,7 +202,7 @@ def test_tracks_of_two_images_without_affinity_have_no_label():
 def windows_in_which(left):
     """Windows in which tracks are so far from their motion, in a 1280 pixel video."""
     return SimpleNamespace(
-        deviations=lambda motion, group, relative: (np.full(len(group), left), None),
+        own_deviations=lambda motions, groups, relative: np.full(len(groups), left),
         pixels=640.0,
         size=1280.0,
     )

@@ -232,7 +232,7 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
             batch = slice(start, start + BLOCKS_A_BATCH)
             errors = model.residuals(local, x[batch], y[batch])
             np.minimum(errors, largest, out=residuals[batch])
-        residuals *= unit
+            residuals[batch] *= unit
         yield rows, residuals.reshape(-1, len(models))[: len(rows)]
 
 

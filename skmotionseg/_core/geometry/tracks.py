@@ -135,19 +135,14 @@ def pack_tracks(
             f"got {int(np.isinf(points).any(axis=2).sum())} infinite points"
         )
     points[np.isnan(points).any(axis=2)] = np.nan
-    if not said and look_swapped(points):
-        warnings.warn(
-            f"the {len(points)} tracks of {points.shape[1]} frames each move over more "
-            f"than {FARTHEST_MOVED} times what all of them cover in a frame: if tracks "
-            'and frames are in each other\'s place, pass layout="frames_first"; if '
-            'not, layout="tracks_first"',
-            stacklevel=2,
-        )
+    doubt = "" if said else look_swapped(points)
+    if doubt:
+        warnings.warn(f'{doubt}; if not, layout="tracks_first"', stacklevel=2)
     return points.reshape(len(points), 2 * points.shape[1])
 
 
-def look_swapped(points):
-    """Whether what should be tracks looks like the points of frames.
+def look_swapped(points, place=""):
+    """Why what should be tracks looks like the points of frames, and what to do.
 
     A track moves over less of the image than all tracks of a frame cover, or, if all
     of it moves and there are few, not over much more.
@@ -156,17 +151,26 @@ def look_swapped(points):
     ----------
     points : ndarray of shape (n_tracks, n_frames, 2)
         NaN where they are not seen.
+    place : str
+        Where they are, after " in ", if that is to be said.
 
     Returns
     -------
-    bool
-        Not where there are no fewer tracks than frames, or so few that they cover
-        little in any case.
+    str
+        Empty if it does not, there are no fewer tracks than frames, or so few that they
+        cover little in any case.
     """
-    if not FEWEST_COVERING <= len(points) < points.shape[1]:
-        return False
+    n_tracks, n_frames = points.shape[:2]
+    if not FEWEST_COVERING <= n_tracks < n_frames:
+        return ""
     of_track, of_frame = spreads(points)
-    return of_track > FARTHEST_MOVED * of_frame
+    if not of_track > FARTHEST_MOVED * of_frame:  # nor where nothing is known
+        return ""
+    return (
+        f"the {n_tracks} tracks of {n_frames} frames{place} each move over more than "
+        f"{FARTHEST_MOVED} times what all of them cover in a frame: if tracks and "
+        'frames are in each other\'s place, pass layout="frames_first"'
+    )
 
 
 def spreads(points):

@@ -389,6 +389,22 @@ class Windows:
         """
         return motion.deviations[int(relative), tracks], motion.known[tracks]
 
+    def own_deviations(self, motions, groups, relative=True):
+        """Those of :meth:`deviations` of groups by their motions, one after another.
+
+        Parameters
+        ----------
+        motions : list of RigidMotion
+        groups : list of ndarray of int
+        relative : bool, default=True
+
+        Returns
+        -------
+        ndarray
+        """
+        pairs = zip(motions, groups, strict=True)
+        return np.concatenate([self.deviations(*pair, relative)[0] for pair in pairs])
+
     def deviations_in_stretches(self, motion, length):
         """Root mean square residuals of all tracks in consecutive frames of windows.
 

@@ -215,12 +215,7 @@ class RigidSearch:
 
     def _begin_with(self, groups, motions):
         """Take the scale of the noise from some motions, and forget all others."""
-        own = np.concatenate(
-            [
-                self.windows.deviations(*each)[0]
-                for each in zip(motions, groups, strict=True)
-            ]
-        )
+        own = self.windows.own_deviations(motions, groups)
         self._left, quartile = np.quantile(own, [0.5, 0.25]).tolist()
         noise = min(self._left, MOST_OVER_QUARTILE * quartile)
         self.scale = max(self.windows.least_noise, SCALE_OF_NOISE * noise)

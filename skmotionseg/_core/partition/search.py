@@ -380,9 +380,8 @@ def _rigid_costs(search, found):
 
 def _unexplained(windows, step):
     """As in :class:`PartitionSearch`."""
-    pairs = zip(step.motions, groups_of(step.labels), strict=True)
-    own = [windows.deviations(*pair, relative=False)[0] for pair in pairs]
-    left = float(np.median(np.concatenate(own))) * windows.pixels
+    own = windows.own_deviations(step.motions, groups_of(step.labels), relative=False)
+    left = float(np.median(own)) * windows.pixels
     return left * windows.size / REFERENCE_WIDTH if left > MOST_UNEXPLAINED else 0.0
 
 
