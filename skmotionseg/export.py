@@ -60,10 +60,10 @@ def static_mask(
         if not len(motions):
             raise ValueError("none of the tracks belongs to a motion")
         background = motions[sizes.argmax()]
-    elif background < 0 or not (labels == background).any():
+    elif background not in labels[labels >= 0].tolist():
         raise ValueError(
-            f"background must be the label of a motion; got {background}, where there "
-            f"are {np.unique(labels).tolist()}"
+            f"background must be the label of a motion; got {background!r}, where "
+            f"there are {np.unique(labels).tolist()}"
         )
     return visibility & (labels == background)[:, None]
 

@@ -90,8 +90,8 @@ def select_balanced_tracks(
     >>> np.bincount(labels[kept])
     array([5, 7])
     """
-    if not 0 < share <= 1:
-        raise ValueError(f"share must be in (0, 1]; got {share!r}")
+    if not isinstance(share, Real) or not 0 < share <= 1:
+        raise ValueError(f"share must be a number in (0, 1]; got {share!r}")
     labels = check_labels(labels)
     kept = np.ones(len(labels), dtype=bool)
     groups, sizes = np.unique(labels[labels >= 0], return_counts=True)

@@ -170,7 +170,7 @@ def make_scene(
     >>> scene.n_motions, int(scene.target.max())
     (3, 2)
     """
-    if family not in FAMILIES:
+    if not isinstance(family, str) or family not in FAMILIES:
         raise ValueError(f"family must be one of {SCENE_FAMILIES}; got {family!r}")
     rng = check_random_state(random_state)
     # Of its own, lest all families have as many tracks and motions with one seed.

@@ -146,6 +146,11 @@ class SequenceErrorDisplay:
             If there is not a label array per sequence, or no sequence.
         """
         require_pyplot()
+        if isinstance(X, np.ndarray) and X.ndim < 3:
+            raise ValueError(
+                "X must be a list of tracks, an array for each sequence; got one array "
+                f"of shape {X.shape}"
+            )
         _check_lengths(X, y)
         check_names(sequence_names, len(X), "sequences", X)
         if not isinstance(estimators, Mapping):

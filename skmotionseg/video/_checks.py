@@ -25,6 +25,12 @@ def check_fps(fps):
 
 
 def make_reporter(progress, total):
-    return (
-        (lambda done: None) if progress is None else lambda done: progress(done, total)
-    )
+    """What is called with how much is done, of a total, by a caller's function."""
+    if progress is None:
+        return lambda done: None
+    if not callable(progress):
+        raise TypeError(
+            f"progress must be a function of what is done and the total; got "
+            f"{progress!r}"
+        )
+    return lambda done: progress(done, total)

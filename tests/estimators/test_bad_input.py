@@ -30,8 +30,9 @@ from skmotionseg.metrics import (
     misclassification_error,
     motion_count_accuracy,
 )
-from skmotionseg.plotting import plot_motions
+from skmotionseg.plotting import SequenceErrorDisplay, plot_motions
 from skmotionseg.preprocessing import select_balanced_tracks
+from skmotionseg.video import track_video
 
 X, Y = make_rigid_motions(n_tracks=20, n_frames=4, missing=0, random_state=0)
 K = np.kron(np.eye(2), np.ones((3, 3)))  # affinities of two groups of three
@@ -517,6 +518,22 @@ FUNCTIONS = [
         "static_mask, masked labels",
         lambda: static_mask(X, np.ma.masked_equal(np.arange(len(X)) % 2, 0)),
         "labels must be known throughout",
+    ),
+    case(
+        "select_balanced_tracks, share in words",
+        lambda: select_balanced_tracks([0, 1], "half"),
+        r"share must be a number in \(0, 1\]; got 'half'",
+    ),
+    case(
+        "SequenceErrorDisplay, tracks of one sequence",
+        lambda: SequenceErrorDisplay.from_estimator(MotionSegmenter(2), X, Y),
+        r"X must be a list of tracks, .*; got one array of shape \(20, 8\)",
+    ),
+    case(
+        "track_video, no function",
+        lambda: track_video(np.zeros((3, 40, 40, 3), np.uint8), progress=3),
+        "progress must be a function .*; got 3",
+        TypeError,
     ),
     case(
         "select_balanced_tracks, masked labels",

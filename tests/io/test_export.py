@@ -50,6 +50,7 @@ def test_the_background_can_be_told(scene, background):
         ([-1, -1], None, "none of the tracks belongs to a motion"),
         ([-1, 1], -1, r"background must be .*; got -1, where there are \[-1, 1\]"),
         ([0, 1], 2, r"background must be .*; got 2, where there are \[0, 1\]"),
+        ([0, 1], "0", r"background must be .*; got '0', where there are \[0, 1\]"),
     ],
 )
 def test_bad_labels(labels, background, words):

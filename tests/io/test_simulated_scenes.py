@@ -115,6 +115,7 @@ def test_scenes_may_have_no_noise():
             r"noise must be a number or \(low, high\); got \(2, 1\)",
         ),
         ("street", {"outliers": 1.0}, r"outliers must be in \[0, 0.9\]; got 1.0"),
+        (["street"], {}, r"family must be one of .*; got \['street'\]"),
         ("street", {"n_motions": 0}, "n_motions must be 1 or more; got 0"),
         ("street", {"n_frames": 1}, "n_frames must be 2 or more; got 1"),
         ("street", {"drift": 1.5}, r"drift must be in \[0, 1\]; got 1.5"),
