@@ -12,10 +12,12 @@ from .._core.graph.spectral import ViewGraph
 from .._parallel.tasks import noting
 from .views import fit_views, make_view, place_by_landmarks, view_seeds
 
-# A first look: so many tracks, cut by hypotheses this few into so many over-segments.
+# A first look: so many tracks, cut by hypotheses this few into so many over-segments,
+# few and large ones first. Of small ones alone, nearly all are parts of the background,
+# whose landmarks then leave few hypotheses to what moves.
 FIRST_LANDMARKS = 600
 FIRST_HYPOTHESES = 200
-OVER_SEGMENTS = 30
+OVER_SEGMENTS = 8, 30
 RESTARTS = 5
 # Tracks so much farther from going with their neighbours than these are from theirs are
 # isolated, and no more than this share of the landmarks: in dense simulated scenes,
@@ -36,7 +38,8 @@ def choose_landmarks(
     A thing that covers a fiftieth of the image has a fiftieth of the tracks, and a cut
     through the background is then cheaper than one around it. So a first choice of
     tracks, which covers all places, displacements and frames, is over-segmented, all
-    tracks are placed in the over-segments, and as many landmarks are drawn from each.
+    tracks are placed in the over-segments, and as many landmarks are drawn from each:
+    from each of a few, and within it from each of many.
     Outliers are far from everything, and would be half of such a choice: so it is made
     among tracks that go with their neighbours, and a few others.
 
@@ -78,11 +81,9 @@ def choose_landmarks(
         fitted, affinities, _ = fit_views(
             views, points[first], visibility[first], n_jobs, memory
         )
-    segments = _over_segment(affinities, rng)
-    placed, _ = place_by_landmarks(
-        fitted, points, visibility, first, segments[None], n_jobs
-    )
-    return worthy[draw_stratified(placed[0], n_landmarks, rng)]
+    segments = _over_segments(affinities, rng)
+    placed, _ = place_by_landmarks(fitted, points, visibility, first, segments, n_jobs)
+    return worthy[draw_stratified(placed, n_landmarks, rng)]
 
 
 def _hardly_isolated(points, visibility, n_landmarks, rng):
@@ -93,7 +94,10 @@ def _hardly_isolated(points, visibility, n_landmarks, rng):
     return np.sort(np.concatenate([along, rng.permutation(alone)[:n_alone]]))
 
 
-def _over_segment(affinities, rng):
-    """Labels of many small groups of tracks that are alike."""
-    graph = ViewGraph.from_affinities(affinities, OVER_SEGMENTS)
-    return cluster_graph(graph, graph.n_leading, kernel_addition, RESTARTS, rng)
+def _over_segments(affinities, rng):
+    """Labels (n_levels, n) of groups of tracks that are alike, the largest first."""
+    graph = ViewGraph.from_affinities(affinities, max(OVER_SEGMENTS))
+    counts = (min(count, graph.n_leading) for count in OVER_SEGMENTS)
+    return np.stack(
+        [cluster_graph(graph, n, kernel_addition, RESTARTS, rng) for n in counts]
+    )

@@ -82,10 +82,21 @@ def test_equal_tracks_can_be_chosen_among(scene):
 
 def test_groups_give_as_many_or_all_they_have():
     labels = np.repeat([0, 1, 2, -1], [100, 50, 3, 30])
-    drawn = draw_stratified(labels, 60, np.random.RandomState(0))
+    drawn = draw_stratified(labels[None], 60, np.random.RandomState(0))
     assert_array_equal(drawn, np.unique(drawn))
     counts = [np.sum(labels[drawn] == group) for group in (0, 1, 2, -1)]
     assert counts == [19, 19, 3, 19]
+
+
+def test_groups_within_a_group_share_what_it_gives():
+    groups = np.repeat([0, 1], [900, 100])
+    parts = np.repeat([0, 1, 2, 3, 2], [500, 390, 10, 40, 60])
+    labels = np.stack([groups, parts])
+    drawn = draw_stratified(labels, 120, np.random.RandomState(0))
+    assert_array_equal(drawn, np.unique(drawn))
+    assert np.bincount(groups[drawn]).tolist() == [60, 60]
+    among = [np.bincount(parts[drawn[groups[drawn] == k]]).tolist() for k in (0, 1)]
+    assert among == [[25, 25, 10], [0, 0, 30, 30]]
 
 
 @pytest.mark.parametrize("seed", range(3))

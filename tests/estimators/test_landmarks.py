@@ -9,7 +9,7 @@ from numpy.testing import assert_array_equal
 from skmotionseg import MotionSegmenter, unpack_tracks
 from skmotionseg._segmenter import landmarks, views
 from skmotionseg._segmenter.memory import number_of_landmarks
-from skmotionseg._segmenter.views import PAIRS_TO_PLACE
+from skmotionseg._segmenter.views import PAIRS_TO_PLACE, check_models
 from skmotionseg.datasets import make_rigid_motions, make_scene
 from skmotionseg.metrics import misclassification_error
 
@@ -32,6 +32,20 @@ def test_a_small_motion_in_a_dense_scene_is_found():
     small = np.r_[np.flatnonzero(y == 0)[:1568], np.flatnonzero(y == 1)[:32]]
     labels = MotionSegmenter(2, random_state=0).fit_predict(X[small])
     assert misclassification_error(y[small], labels) < 0.002
+
+
+def test_a_background_of_many_pieces_leaves_landmarks_to_what_moves(monkeypatch):
+    """93 of 3,000 tracks move by themselves."""
+    scene = make_scene("dense_small", n_tracks=3000, n_frames=8, random_state=12)
+    tracks, models = unpack_tracks(scene.data), check_models(("affine", "homography"))
+
+    def n_that_move():
+        chosen = landmarks.choose_landmarks(*tracks, 1000, models)
+        return np.count_nonzero(scene.target[chosen] > 0)
+
+    assert n_that_move() > 0.9 * np.count_nonzero(scene.target > 0)
+    monkeypatch.setattr(landmarks, "OVER_SEGMENTS", (30,))
+    assert n_that_move() < 0.6 * np.count_nonzero(scene.target > 0)
 
 
 def test_outliers_have_no_more_landmarks_than_their_share(monkeypatch):

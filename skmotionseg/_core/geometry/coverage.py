@@ -66,8 +66,9 @@ def draw_stratified(labels, n_drawn, random_state):
 
     Parameters
     ----------
-    labels : ndarray of int, shape (n,)
-        Those of -1 are a group, too.
+    labels : ndarray of int, shape (n_levels, n)
+        Those of -1 are a group, too. Of the members of a group by the first labels, as
+        many are drawn of each group by the second, and so on.
     n_drawn : int
         At most ``n``.
     random_state : numpy.random.RandomState
@@ -77,15 +78,18 @@ def draw_stratified(labels, n_drawn, random_state):
     ndarray of int, shape (n_drawn,)
         Ascending.
     """
-    names, sizes = np.unique(labels, return_counts=True)
+    if not len(labels):
+        return np.sort(random_state.permutation(labels.shape[1])[:n_drawn])
+    names, sizes = np.unique(labels[0], return_counts=True)
     drawn: list[np.ndarray] = []
     order = np.argsort(sizes, kind="stable")
     for n_left, group in zip(range(len(names), 0, -1), order, strict=True):
         share = min(
             sizes[group], (n_drawn - sum(len(each) for each in drawn)) // n_left
         )
-        members = np.flatnonzero(labels == names[group])
-        drawn.append(random_state.permutation(members)[:share])
+        members = np.flatnonzero(labels[0] == names[group])
+        within = draw_stratified(labels[1:, members], share, random_state)
+        drawn.append(members[within])
     return np.sort(np.concatenate(drawn))
 
 
