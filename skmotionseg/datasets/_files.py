@@ -54,6 +54,8 @@ OBSERVATION_NAMES = {
 NEEDED = ("track", "frame", "x", "y")
 # Names that end in the number of a frame: no dates, and nothing that may have a sign.
 NUMBERED = re.compile(r"[a-z_. ]*?(\d+(?:\.\d+)?)")
+# Correlation, along both axes, of points with where they were a frame before.
+ALONG = 0.9
 # Columns that may hold truth values, and what an observation has there.
 SEEN = {"visible": True, "occluded": False}
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -419,19 +421,31 @@ def _is_header(cells):
 def _counts_observations(table):
     """Whether a table seems to have one row per observation.
 
-    So it seems with columns 0, 1, ... (or 1, 2, ...) of tracks and of frames, no pair
-    of which comes twice, beside two columns that are not whole numbers throughout.
+    So it seems with whole numbers of several tracks and frames, of which those of one
+    follow each other without a gap, and no pair of which comes twice, beside two
+    columns that are not whole numbers throughout. Not so if these go along with them:
+    then points were on whole pixels in the first of two frames.
     """
     if table.shape[1] != 4 or len(table) < 2:
         return False
     counters, points = table[:, :2], table[:, 2:]
     if not (counters == np.floor(counters)).all() or (points == np.floor(points)).all():
         return False
-    consecutive = [
-        values[0] in (0, 1) and (np.diff(values) == 1).all()
-        for values in map(np.unique, counters.T)
-    ]
-    return all(consecutive) and len(np.unique(counters, axis=0)) == len(table)
+    named = [np.unique(values) for values in counters.T]
+    several = min(map(len, named)) > 1
+    without_gap = any((np.diff(each) == 1).all() for each in named)
+    once = len(np.unique(counters, axis=0)) == len(table)
+    return several and without_gap and once and not _go_along(points, counters)
+
+
+def _go_along(points, others):
+    """Whether points (n, 2), as far as they are known, are about where others are."""
+    seen = np.isfinite(points).all(axis=1)
+    if not seen.any():
+        return False
+    one, other = (each[seen] - each[seen].mean(axis=0) for each in (points, others))
+    spreads = np.sqrt((one**2).sum(axis=0) * (other**2).sum(axis=0))
+    return bool(((one * other).sum(axis=0) > ALONG * spreads).all())
 
 
 def _initials(names):

@@ -521,6 +521,7 @@ HEADERS = {
     "id,x0,y0,x1,y1,x10,y10,x2,y2,label\n1,2,3,4,5,6,7,8,9,0\n": "got y10 before x2",
     "u0,u1,v0,v1\n1,2,3,4\n": "got u1 before v0",
     "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
+    "37,4,1.5,2\n37,5,1.6,2\n52,4,7,7.5\n52,6,7,7\n": "begin the file with the line",
     "frame_id;point;px;py\n0;0;1.5;2\n1;0;1.6;2\n0;1;7;7.5\n1;1;7;7.6\n": (
         r"two of its four columns count, .* got frame_id, point, px, py"
     ),
@@ -529,6 +530,33 @@ HEADERS = {
     "id,t,x,y\n0,0.5,1.5,2\n": "the column 'frame'",
     "id,t,x,y\n0,0,True,2\n": "could not convert string to float: 'True'",
 }
+
+
+@pytest.mark.parametrize("start, step", [(0, 1), (1, 1), (40, 1), (5, 8)])
+def test_points_on_whole_pixels_in_the_first_of_two_frames(tmp_path, start, step):
+    """Of dense flow, or of a grid: as whole as the numbers of tracks and frames."""
+    path = tmp_path / "flow.csv"
+    x, y = np.meshgrid(start + step * np.arange(9), start + step * np.arange(7))
+    first = np.stack([x.ravel(), y.ravel()], axis=1)
+    X = np.hstack([first, first + np.array([2.25, -0.5])])
+    X[::5, 2:] = np.nan
+    np.savetxt(path, X, delimiter=",")
+    assert_array_equal(load_tracks(path).data, X)
+
+
+@pytest.mark.parametrize(
+    "first_track, step, first_frame", [(0, 1, 1), (37, 1, 12), (3, 5, 0)]
+)
+def test_observations_without_names_are_refused(
+    tmp_path, first_track, step, first_frame
+):
+    path = tmp_path / "tracks.csv"
+    X, _ = make_rigid_motions(12, 6, 2, missing=0, random_state=0)
+    track, frame = np.divmod(np.arange(72), 6)
+    counters = first_track + step * track, first_frame + frame
+    np.savetxt(path, np.column_stack([*counters, X.reshape(-1, 2)]), delimiter=",")
+    with pytest.raises(ValueError, match="begin the file with the line track,frame"):
+        load_tracks(path)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", ", "])
