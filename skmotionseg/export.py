@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ._core.geometry.tracks import pack_tracks, unpack_tracks
 from ._utils.validation import check_ids, check_label_each
-from ._utils.writing import check_stale, motion_file, replacing
+from ._utils.writing import check_output, check_stale, motion_file, replacing
 
 __all__ = ["save_motions", "static_mask"]
 
@@ -104,8 +104,8 @@ def save_motions(
     FileNotFoundError
         If there is no folder to make it in.
     ValueError
-        If there is not a label and an id per track, ids are no whole numbers, or there
-        are infinities.
+        If there is not a label and an id per track, ids are no whole numbers or come
+        twice, there are infinities, or something that is no file has the name of one.
 
     Examples
     --------
@@ -127,6 +127,8 @@ def save_motions(
         groups[motion_file(-1)] = labels < 0
     folder.mkdir(exist_ok=True)
     check_stale(folder, groups)
+    for name in groups:
+        check_output(folder / name)
     with ExitStack() as files:  # all are written before the first is put in its place
         for name, rows in groups.items():
             np.savez_compressed(

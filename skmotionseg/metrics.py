@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -89,6 +90,11 @@ def motion_count_accuracy(
     >>> motion_count_accuracy([2, 3], [2, 3])
     1.0
     """
+    if not (np.iterable(y_true) and np.iterable(y_pred)):
+        raise ValueError(
+            "motion counts need a list with an entry per sequence; got "
+            f"{type(y_true).__name__} and {type(y_pred).__name__}"
+        )
     if len(y_true) != len(y_pred) or len(y_true) == 0:
         raise ValueError(
             "motion counts need as many found as true sequences, and at least one; got "
@@ -127,8 +133,9 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
     Raises
     ------
     TypeError, ValueError
-        If it is neither, there is no scorer of that name, or it depends on the numbers
-        of the labels, as "accuracy" does.
+        If it is neither, there is no scorer of that name, or the one of that name
+        depends on the numbers of the labels, as "accuracy" does. Of a function, that is
+        not tried.
 
     Examples
     --------
@@ -182,6 +189,11 @@ def _check_scoring(scoring):
 
 def _score_sequences(scoring, estimator, X, y):
     """Mean of a score over the sequences."""
+    if y is None or not len(X) == len(y) > 0:
+        raise ValueError(
+            "each sequence needs true labels; got "
+            f"{'none' if y is None else len(y)} for {len(X)} sequences"
+        )
     if any(np.ndim(labels) == 0 for labels in y):
         raise ValueError(
             "sequence_scorer takes a list of labels per sequence, for PerSequence; got "
@@ -295,7 +307,9 @@ def fbms_scores(
         Group found for the point; negative values are points without a group. A group
         counts as one even if none of its points is annotated.
     sample_weight : array-like of shape (n_points,), optional
-        What each point counts; 1 by default. Not negative.
+        What each point counts, in pixels; 1 by default. Not negative. As in the
+        benchmark's program, a region of 0.0001 pixels or less in all is not visible,
+        and does not count.
     region_sizes : array-like of shape (n_regions,), optional
         Annotated pixels in each region, if they are more than the points given, as they
         are of tracks: what the density is a share of, and which regions are visible.
@@ -361,7 +375,7 @@ def fbms_objects(
     Raises
     ------
     ValueError
-        As from :func:`fbms_scores`.
+        As from :func:`fbms_scores`, or if the threshold is no number.
 
     Examples
     --------
@@ -371,6 +385,8 @@ def fbms_objects(
     >>> fbms_objects([0, 0, 0, 1, 1, 2, 2], [0, 0, 0, 1, 1, 2, -1])
     FBMSObjects(extracted=2, visible=2)
     """
+    if not isinstance(threshold, Real) or not np.isfinite(threshold):
+        raise ValueError(f"threshold must be a number; got {threshold!r}")
     _, *pair = _match_regions(y_true, y_pred, sample_weight, region_sizes)
     n_found = int((_harmonic(*pair) > threshold).sum())
     return FBMSObjects(max(n_found - 1, 0), len(pair[0]) - 1)
@@ -394,7 +410,7 @@ def fbms_mean(scores: Sequence[FBMSScores]) -> FBMSScores:
     Raises
     ------
     ValueError
-        If there are none.
+        If there are none, or these are of one sequence and in no list.
 
     Examples
     --------
@@ -404,6 +420,8 @@ def fbms_mean(scores: Sequence[FBMSScores]) -> FBMSScores:
     >>> fbms_mean([perfect, merged]).precision
     0.875
     """
+    if isinstance(scores, FBMSScores):
+        raise ValueError("a mean needs a list of scores, one per sequence; got one")
     if len(scores) == 0:
         raise ValueError("a mean needs the scores of one sequence at least; got none")
     density, precision, recall = np.mean([score[:3] for score in scores], axis=0)
@@ -484,8 +502,8 @@ def boundary_f_measure(
     >>> boundary_f_measure(mask, mask), boundary_f_measure(mask, np.roll(mask, 30))
     (1.0, 0.0)
     """
-    if not 0 <= tolerance < np.inf:
-        raise ValueError(f"tolerance must be a share of 0 or more; got {tolerance}")
+    if not isinstance(tolerance, Real) or not 0 <= tolerance < np.inf:
+        raise ValueError(f"tolerance must be a share of 0 or more; got {tolerance!r}")
     true, found = (_outline(mask) for mask in _as_masks(y_true, y_pred))
     if not true.any() or not found.any():
         return float(true.any() == found.any())
@@ -496,6 +514,8 @@ def boundary_f_measure(
 
 
 def _as_masks(y_true, y_pred):
+    _refuse_masked(y_true, "y_true")
+    _refuse_masked(y_pred, "y_pred")
     true, found = (np.asarray(mask, dtype=bool) for mask in (y_true, y_pred))
     if true.ndim != 2 or true.shape != found.shape:
         raise ValueError(
@@ -546,7 +566,9 @@ def _match_regions(y_true, y_pred, sample_weight, region_sizes):
     np.add.at(overlap, (y_true[placed], columns), weight[placed])
     visible = sizes > VISIBLE
     if not visible.any():
-        raise ValueError("no region is visible: all have size or weight 0")
+        raise ValueError(
+            f"no region is visible: all have a size or weight of {VISIBLE} or less"
+        )
     group_sizes = overlap.sum(axis=0)
     overlap, sizes = overlap[visible], sizes[visible]
     covered = overlap.sum(axis=1)
@@ -564,11 +586,12 @@ def _share(part, whole):
 
 
 def _as_sizes(values, name, default):
+    _refuse_masked(values, name)
     values = default if values is None else np.asarray(values, dtype=float)
-    if values.ndim != 1 or not (np.isfinite(values) & (values >= 0)).all():
-        raise ValueError(
-            f"{name} must be a list of numbers of 0 or more; got shape {values.shape}"
-        )
+    good = np.isfinite(values) & (values >= 0)
+    if values.ndim != 1 or not good.all():
+        got = f"shape {values.shape}" if values.ndim != 1 else values[~good][0]
+        raise ValueError(f"{name} must be a list of numbers of 0 or more; got {got}")
     return values
 
 
@@ -596,8 +619,7 @@ def _judged(
 
 
 def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
-    if np.ma.is_masked(labels):  # under a mask is any number
-        raise ValueError(f"{name} must be known throughout; some are masked")
+    _refuse_masked(labels, name)
     labels = np.asarray(labels)
     if labels.ndim != 1 or labels.dtype.kind not in "iufb":
         raise ValueError(
@@ -611,6 +633,11 @@ def _as_labels(labels: npt.ArrayLike, name: str) -> npt.NDArray[np.int64]:
             f"{name} must be whole numbers of 64 bits; got dtype {labels.dtype}"
         )
     return labels.astype(np.int64)
+
+
+def _refuse_masked(values, name):
+    if np.ma.is_masked(values):  # under a mask is any number
+        raise ValueError(f"{name} must be known throughout; some are masked")
 
 
 def _contingency(y_true, y_pred):
@@ -628,6 +655,7 @@ def _n_motions(given):
     if count.ndim > 0:
         labels = _as_labels(given, "labels of a sequence")
         return len(np.unique(labels[labels >= 0]))
+    _refuse_masked(given, "the number of motions of a sequence")
     whole = count.dtype.kind in "iuf" and np.isfinite(count) and count % 1 == 0
     if not whole or count < 0:
         raise ValueError(

@@ -171,7 +171,7 @@ class CountSelector(AffinityInput, ClusterMixin, BaseEstimator):
 
     def _choose(self, totals):
         """Position of the count to take; of equal costs, the smallest."""
-        return int(totals.argmin())
+        return int(np.argmax(totals <= totals.min() + self._cost_tolerance))
 
     def _fit_candidates(self, views, graph):
         """A fitted clusterer for each count; ours share the graph's eigenvectors."""

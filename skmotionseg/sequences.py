@@ -155,8 +155,11 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
     def _read_labels(self, y, sequences):
         """Check labels against sequences and list them as arrays."""
-        if y is None:
-            raise ValueError("true labels are needed: a label array per sequence")
+        if not np.iterable(y):
+            raise ValueError(
+                "true labels are needed: a label array per sequence; got "
+                f"{type(y).__name__}"
+            )
         labels = [nothing_masked(labels, "labels of a sequence") for labels in y]
         if len(labels) != len(sequences):
             raise ValueError(
@@ -166,6 +169,11 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
             if one.shape != (len(x),):
                 raise ValueError(
                     f"sequence {i} has {len(x)} tracks and labels of shape {one.shape}"
+                )
+            if one.dtype.kind not in "iufb" or not np.array_equal(one, np.round(one)):
+                raise ValueError(
+                    f"labels of sequence {i} must be whole numbers; got dtype "
+                    f"{one.dtype}"
                 )
         return labels
 
@@ -226,16 +234,26 @@ GridSearchCV` can search the parameters with the lowest error over a *set* of se
 
 
 def _seed_of(estimator):
-    """The seed on which labels depend, and its name.
+    """A seed on which labels depend, and its name: one that is not set, if there is.
 
-    Of a pipeline any seed of a step: with one, there is one for all that is random.
+    Of a pipeline, all steps that are random must have one. What a step holds gets its
+    seed from it; and a selector without one leaves its clusterer the seed that it has.
     """
     params, names = estimator.get_params(), seed_names(estimator)
     if "random_state" in names or not names:
         return params.get("random_state", 0), "random_state of the estimator"
-    known = (name for name in names if isinstance(params[name], Integral))
-    name = next(known, names[0])
+    are_set = {name: isinstance(params[name], Integral) for name in names}
+    loose = (name for name in names if not _is_seeded(name, are_set))
+    name = next(loose, max(names, key=are_set.__getitem__))
     return params[name], f"{name} of the estimator"
+
+
+def _is_seeded(name, are_set):
+    """Whether a seed is set, or that of what holds it, or of the clusterer in it."""
+    *holders, _ = name.split("__")
+    above = ("__".join([*holders[:k], "random_state"]) for k in range(len(holders) + 1))
+    within = "__".join([*holders, "clusterer", "random_state"])
+    return any(are_set.get(each, False) for each in (*above, within))
 
 
 def _segment(estimator, X, version):

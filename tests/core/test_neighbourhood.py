@@ -52,6 +52,22 @@ def test_affinities_far_below_the_own_are_resolved():
     assert_array_equal(kept(row, 10), [True, True, False, False, False])
 
 
+def test_the_larger_the_exponent_the_fewer_entries_are_kept():
+    """Also where powers are less than the least double that is above 0."""
+    K = random_affinity()
+    exponents = [2, 50, 300, 400, 1000, 1e6, 1e300]
+    shares = [np.mean(sparse(K, alpha) > 0) for alpha in exponents]
+    assert (np.diff(shares) <= 0).all()
+    assert shares[-1] <= 3 / 25  # itself, and what is nearest
+
+
+def test_thresholds_do_not_jump_where_logarithms_take_over(monkeypatch):
+    K = random_affinity()
+    plain = neighbourhood_thresholds(K, 60, K.diagonal())
+    monkeypatch.setattr("skmotionseg._core.graph.neighbourhood.TINY", 1e-12)
+    assert_allclose(neighbourhood_thresholds(K, 60, K.diagonal()), plain, rtol=1e-6)
+
+
 @every_alpha
 def test_the_mask_is_averaged_with_its_transpose(alpha):
     K = random_affinity()

@@ -26,9 +26,13 @@ from skmotionseg._core.graph import spectral
 from skmotionseg.datasets import load_tracks, make_rigid_motions
 from skmotionseg.metrics import (
     boundary_f_measure,
+    fbms_mean,
+    fbms_objects,
     fbms_scores,
     misclassification_error,
     motion_count_accuracy,
+    region_similarity,
+    sequence_scorer,
 )
 from skmotionseg.plotting import SequenceErrorDisplay, plot_motions
 from skmotionseg.preprocessing import select_balanced_tracks
@@ -37,6 +41,7 @@ from skmotionseg.video import track_video
 X, Y = make_rigid_motions(n_tracks=20, n_frames=4, missing=0, random_state=0)
 K = np.kron(np.eye(2), np.ones((3, 3)))  # affinities of two groups of three
 MASK = np.ones((4, 4), dtype=bool)
+PER_SEQUENCE = PerSequence(MotionSegmenter(2))
 POINTS = np.zeros((5, 3, 2))
 
 
@@ -518,6 +523,83 @@ FUNCTIONS = [
         "static_mask, masked labels",
         lambda: static_mask(X, np.ma.masked_equal(np.arange(len(X)) % 2, 0)),
         "labels must be known throughout",
+    ),
+    case(
+        "motion_count_accuracy, counts of one sequence",
+        lambda: motion_count_accuracy(2, 3),
+        "need a list with an entry per sequence; got int and int",
+    ),
+    case(
+        "motion_count_accuracy, masked counts",
+        lambda: motion_count_accuracy(np.ma.MaskedArray([2, 3], [0, 1]), [2, 0]),
+        "the number of motions of a sequence must be known throughout",
+    ),
+    case(
+        "region_similarity, masked",
+        lambda: region_similarity(np.ma.MaskedArray([[1, 1]], [[1, 0]]), [[0, 1]]),
+        "y_true must be known throughout",
+    ),
+    case(
+        "fbms_scores, masked weights",
+        lambda: fbms_scores(
+            [0, 1], [0, 1], sample_weight=np.ma.MaskedArray([1.0, 9], [0, 1])
+        ),
+        "sample_weight must be known throughout",
+    ),
+    case(
+        "fbms_scores, weights that hide all",
+        lambda: fbms_scores([0, 1], [0, 1], sample_weight=[1e-5, 1e-5]),
+        "no region is visible: all have a size or weight of 0.0001 or less",
+    ),
+    case(
+        "fbms_scores, a negative weight",
+        lambda: fbms_scores([0, 1], [0, 1], sample_weight=[-2.5, 1]),
+        "sample_weight must be a list of numbers of 0 or more; got -2.5",
+    ),
+    case(
+        "fbms_objects, a threshold in words",
+        lambda: fbms_objects([0, 1], [0, 1], threshold="half"),
+        "threshold must be a number; got 'half'",
+    ),
+    case(
+        "fbms_mean, of one sequence",
+        lambda: fbms_mean(fbms_scores([0, 1], [0, 1])),
+        "needs a list of scores, one per sequence; got one",
+    ),
+    case(
+        "boundary_f_measure, a tolerance in words",
+        lambda: boundary_f_measure(MASK, MASK, tolerance="1"),
+        "tolerance must be a share of 0 or more; got '1'",
+    ),
+    case(
+        "sequence_scorer, no labels",
+        lambda: sequence_scorer("rand_score")(PER_SEQUENCE, [X], None),
+        "each sequence needs true labels; got none for 1 sequences",
+    ),
+    case(
+        "sequence_scorer, labels of more sequences",
+        lambda: sequence_scorer("rand_score")(PER_SEQUENCE, [X], [Y, Y]),
+        "each sequence needs true labels; got 2 for 1 sequences",
+    ),
+    case(
+        "PerSequence, a number for labels",
+        lambda: PER_SEQUENCE.fit([X], 5),
+        "a label array per sequence; got int",
+    ),
+    case(
+        "PerSequence, labels that are shares",
+        lambda: PER_SEQUENCE.fit([X], [Y + 0.5]),
+        "labels of sequence 0 must be whole numbers; got dtype float64",
+    ),
+    case(
+        "save_motions, one id for all",
+        lambda: save_motions("folder", X, Y, track_ids=np.full(len(X), 7)),
+        "track_ids must each come once; got 7 20 times",
+    ),
+    case(
+        "save_motions, ids that are yes",
+        lambda: save_motions("folder", X, Y, track_ids=[True] * len(X)),
+        "track_ids must be whole numbers that fit in 64 bits; got True",
     ),
     case(
         "select_balanced_tracks, share in words",

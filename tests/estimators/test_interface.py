@@ -799,6 +799,11 @@ def test_memory_keeps_no_labels_of_seeds_that_are_not_known(tracks, tmp_path):
         estimator.fit([X]).predict([X])
     assert not [*tmp_path.rglob("*.pkl")]
     known = make_motion_pipeline(n_clusters=2, n_hypotheses=20, random_state=0)
+    sampler = "affinity__affine__sampler__random_state"
+    half_known = clone(known).set_params(**{sampler: None})
+    with pytest.warns(UserWarning, match=f"memory has no effect .* {sampler} of the"):
+        PerSequence(half_known, memory=tmp_path).fit([X]).predict([X])
+    assert not [*tmp_path.rglob("*.pkl")]
     PerSequence(known, memory=tmp_path).fit([X]).predict([X])
     assert [*tmp_path.rglob("*.pkl")]
 

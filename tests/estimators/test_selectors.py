@@ -92,6 +92,17 @@ def test_a_single_group_is_one_by_its_gap():
     assert_array_equal(fitted.labels_, 0)
 
 
+@pytest.mark.parametrize("scale", [0.1, 1, 3])
+@pytest.mark.parametrize("size", [2, 5, 7, 11])
+def test_of_gaps_that_rounding_alone_tells_apart_the_first_decides(size, scale):
+    """The eigenvalues are 1, 1/2 and 0, in whatever order the rows are."""
+    K = scale * np.kron(np.array([[3.0, 1], [1, 3]]), np.ones((size, size)))
+    selector = EigengapModelSelector(max_clusters=4, random_state=0)
+    rng = np.random.default_rng(0)
+    for order in (np.arange(2 * size), *(rng.permutation(2 * size) for _ in range(4))):
+        assert selector.fit(K[np.ix_(order, order)]).n_clusters_ == 1
+
+
 def test_alignment_takes_one_only_where_there_is_no_other():
     K, _ = blocks((30,))
     selector = SelfTuningModelSelector(min_clusters=1, random_state=0)

@@ -144,6 +144,20 @@ def test_files_of_another_segmentation_are_an_error(scene, tmp_path):
     assert [path.read_bytes() for path in files] == content
 
 
+def test_a_folder_by_the_name_of_a_file_is_an_error_before_any_is_replaced(
+    scene, tmp_path
+):
+    X, y = scene
+    files = save_motions(tmp_path, X, y)
+    files[1].unlink()
+    files[1].mkdir()
+    others = [files[0], *files[2:]]
+    content = [path.read_bytes() for path in others]
+    with pytest.raises(ValueError, match=r"motion_1\.npz is not a file that"):
+        save_motions(tmp_path, X + 1, y)
+    assert [path.read_bytes() for path in others] == content
+
+
 def test_a_file_is_whole_or_not_there(scene, tmp_path, monkeypatch):
     X, y = scene
 

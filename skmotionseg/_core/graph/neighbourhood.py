@@ -10,9 +10,12 @@ treated like one that was.
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import logsumexp
 
 # Affinities that differ by less than this share are equal: they are float32.
 TIE = 1e-6
+# Levels below this are computed by logarithms, as powers may be 0.
+TINY = 1e-200
 
 
 def neighbourhood_thresholds(affinity, alpha, own):
@@ -48,7 +51,20 @@ def neighbourhood_thresholds(affinity, alpha, own):
     log_distance = np.log1p(-np.where(distance > 0, similarity, 0))
     level = -np.expm1((p * log_distance).sum(axis=1))
     thresholds[rows] = own[rows] * level ** (1 / alpha) * (1 + TIE)
+    tiny = level < TINY
+    by_logs = _threshold_by_logs(relative[varied][tiny], p[tiny], alpha)
+    thresholds[rows[tiny]] = own[rows[tiny]] * by_logs * (1 + TIE)
     return thresholds
+
+
+def _threshold_by_logs(relative, p, alpha):
+    """The threshold, over the own affinity, of rows whose powers may be out of range.
+
+    Where all are tiny, s differs from 1 by them, and the level is their mean.
+    """
+    with np.errstate(divide="ignore"):  # what is 0 stays so
+        logs = alpha * np.log(relative) + np.log(p)
+    return np.exp(logsumexp(logs, axis=1) / alpha)
 
 
 def _power(x, exponent):
