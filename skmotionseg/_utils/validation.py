@@ -328,27 +328,23 @@ def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer
     ids = nothing_masked(track_ids, "track_ids")
     if ids.shape != (n_tracks,):
         raise ValueError(f"{n_tracks} tracks need an id each; got shape {ids.shape}")
-    others = [] if ids.dtype.kind in "iu" else ids.tolist()
-    others = [name for name in others if not _is_whole(name)]
-    if others:
-        raise ValueError(
-            "track_ids must be whole numbers that fit in 64 bits; got "
-            f"{others[0]!r} (dtype {ids.dtype})"
-        )
     if ids.dtype.kind not in "iu":
+        others = [name for name in ids.tolist() if not _is_whole(name)]
+        if others:
+            raise ValueError(
+                "track_ids must be whole numbers that fit in 64 bits; got "
+                f"{others[0]!r} (dtype {ids.dtype})"
+            )
         ids = np.array([int(name) for name in ids.tolist()], dtype=np.int64)
     names, times = np.unique(ids, return_counts=True)
-    if (times > 1).any():
-        raise ValueError(
-            "track_ids must each come once; got "
-            f"{names[times > 1][0]} {times[times > 1][0]} times"
-        )
+    for name in names[times > 1][:1]:
+        raise ValueError(f"track_ids must each come once; got {name} more often")
     return ids
 
 
 def _is_whole(number):
     """Whether it is an integer of 64 bits, or a float that stands for one alone."""
-    if isinstance(number, bool):
+    if isinstance(number, bool):  # an Integral, too
         return False
     if isinstance(number, Integral):
         return -(2**63) <= int(number) < 2**63

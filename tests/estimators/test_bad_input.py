@@ -594,7 +594,7 @@ FUNCTIONS = [
     case(
         "save_motions, one id for all",
         lambda: save_motions("folder", X, Y, track_ids=np.full(len(X), 7)),
-        "track_ids must each come once; got 7 20 times",
+        "track_ids must each come once; got 7 more often",
     ),
     case(
         "save_motions, ids that are yes",
