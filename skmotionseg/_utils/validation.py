@@ -337,8 +337,10 @@ def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer
             )
         ids = np.array([int(name) for name in ids.tolist()], dtype=np.int64)
     names, times = np.unique(ids, return_counts=True)
-    for name in names[times > 1][:1]:
-        raise ValueError(f"track_ids must each come once; got {name} more often")
+    if (times > 1).any():
+        raise ValueError(
+            f"track_ids must each come once; got {names[times > 1][0]} more often"
+        )
     return ids
 
 
