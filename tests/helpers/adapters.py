@@ -30,7 +30,8 @@ def spread(X):
     X = np.asarray(X, dtype=float)
     velocity = X[:, [0, min(1, X.shape[1] - 1)]]
     weights = 100 * np.sqrt([[2, 3], [5, 7], [11, 13]])[np.arange(X.shape[1]) % 3]
-    start = 100 * np.sin(X @ weights)
+    # No product of matrices: on some processors, a row of it depends on the others.
+    start = 100 * np.sin((X[:, :, None] * weights).sum(axis=1))
     tracks = start[:, None] + np.arange(N_FRAMES)[:, None] * velocity[:, None]
     return tracks.reshape(len(X), -1)
 
