@@ -50,10 +50,12 @@ def neighbourhood_thresholds(affinity, alpha, own):
     # log s_j < sum_k p_k log s_k.
     log_distance = np.log1p(-np.where(distance > 0, similarity, 0))
     level = -np.expm1((p * log_distance).sum(axis=1))
-    thresholds[rows] = own[rows] * level ** (1 / alpha) * (1 + TIE)
-    tiny = level < TINY
-    by_logs = _threshold_by_logs(relative[varied][tiny], p[tiny], alpha)
-    thresholds[rows[tiny]] = own[rows[tiny]] * by_logs * (1 + TIE)
+    share = level ** (1 / alpha)
+    tiny = np.flatnonzero(level < TINY)
+    if len(tiny):
+        some = np.flatnonzero(varied)[tiny]
+        share[tiny] = _threshold_by_logs(relative[some], p[tiny], alpha)
+    thresholds[rows] = own[rows] * share * (1 + TIE)
     return thresholds
 
 
