@@ -471,3 +471,18 @@ def test_errors_as_large_as_single_precision_has_them_stay_finite(model):
     seen = visibility.all(axis=1)
     assert np.isfinite(R[seen]).all()
     assert (R[seen] > 1e38).all()
+
+
+@every_model
+@pytest.mark.parametrize("far", [1e6, 1e9, 1e12])
+def test_points_far_outside_the_image_have_large_finite_residuals(model, far):
+    points, visibility, pairs = tracks(n_tracks=80, n_frames=2)
+    found = draw((points, visibility, pairs), model)
+    centres, scale = working_coordinates(points, visibility)
+    visibility[:3] = True
+    points[:3] = far * np.array(
+        [[[1, 2], [-3, 1]], [[0, 1], [1, 0]], [[2, 2], [-1, 0]]]
+    )
+    R = residual_matrix(points, visibility, pairs, found, model, centres, scale)
+    assert np.isfinite(R[visibility.all(axis=1)]).all()
+    assert np.median(R[:3], axis=1).min() > 1e3

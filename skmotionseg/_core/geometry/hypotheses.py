@@ -26,6 +26,11 @@ ROWS_A_BLOCK = 64
 # Blocks at a time, for the same reason.
 BLOCKS_A_BATCH = 2
 
+# Points farther from the centre than so many times the scale are moved to there before
+# their errors are computed: no hypothesis explains them, and the errors of homographies
+# have terms of the eighth order, which single precision would not hold.
+FARTHEST = 1e5
+
 
 def draw_minimal_sets(n_available, size, random_state):
     """Draw sets of distinct positions, uniformly and without a loop over sets.
@@ -225,8 +230,12 @@ def residual_blocks(points, visibility, pairs, hypotheses, model, centres, scale
             rows = rows[:0]
         S, T = similarity(1 / scale, centres[f]), similarity(1 / scale, centres[g])
         local = model.change_coordinates(models, S, T).astype(np.float32)
-        x = _in_blocks(apply_similarity(S, points[rows, f]))
-        y = _in_blocks(apply_similarity(T, points[rows, g]))
+        x, y = (
+            _in_blocks(
+                apply_similarity(T, points[rows, frame]).clip(-FARTHEST, FARTHEST)
+            )
+            for T, frame in ((S, f), (T, g))
+        )
         residuals = np.empty((*x.shape[:2], len(models)), dtype=np.float32)
         for start in range(0, len(x), BLOCKS_A_BATCH):
             batch = slice(start, start + BLOCKS_A_BATCH)
