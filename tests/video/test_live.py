@@ -25,6 +25,14 @@ cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 WIDTH, HEIGHT, N_FRAMES = 240, 180, 14
 
 
+@pytest.fixture(autouse=True)
+def interrupts_are_heard():
+    """As in a terminal: what a shell starts in the background ignores Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture(scope="module")
 def frames():
     """A wall that goes by, and a thing before it that goes the other way."""
