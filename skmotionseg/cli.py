@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = _parser().parse_args(argv)
     try:
-        with warnings.catch_warnings(), _tidied_in_silence():
+        with warnings.catch_warnings(), _tidied_in_silence(), _printed_all_the_same():
             warnings.showwarning = _print_warning
             return arguments.run(arguments) or 0
     except (ImportError, OSError, ValueError, TypeError) as error:
@@ -76,6 +76,21 @@ def _tidied_in_silence():
             del os.environ[name]
         else:
             os.environ[name] = before
+
+
+@contextmanager
+def _printed_all_the_same():
+    """What standard output has no sign for is printed as "?", and is no error."""
+    stream = sys.stdout
+    if not hasattr(stream, "reconfigure"):
+        yield
+        return
+    before = stream.errors
+    stream.reconfigure(errors="replace")
+    try:
+        yield
+    finally:
+        stream.reconfigure(errors=before)
 
 
 def _parser():

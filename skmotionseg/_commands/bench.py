@@ -9,7 +9,13 @@ from pathlib import Path
 from .._utils.optional import require
 from .._utils.words import counted
 from .._utils.writing import check_apart, check_output, replacing
-from .console import count, jobs, progress_console, with_progress
+from .console import (
+    console_of_findings,
+    count,
+    jobs,
+    progress_console,
+    with_progress,
+)
 
 METHODS_HELP = (
     "methods to run (default: all): those of the paper, which choose the number of "
@@ -98,7 +104,7 @@ def _run_bench(arguments):
     from .checkpoints import Journal
     from .runs import METHODS, find_sequences, run
 
-    console = require("rich.console", extra="cli").Console()
+    console = console_of_findings()
     check_output(arguments.json)
     check_output(arguments.resume)
     written = {"--resume": arguments.resume, "--json": arguments.json}
@@ -139,7 +145,7 @@ def _run_paper(arguments, console, journal):
     records = _collect(arguments, sequences, batches)
     for table in paper_tables(summarize_paper(records)):
         console.print(table)
-    console.print(WARNING, highlight=False)
+    console.print(WARNING)
 
 
 def _collect(arguments, sequences, batches):

@@ -78,9 +78,20 @@ def _number(text):
         return np.nan
 
 
+def console_of_findings(extra="cli"):
+    """A console on standard output, for what is found."""
+    return _console(extra)
+
+
 def progress_console():
     """A console on standard error, which leaves standard output to what is found."""
-    return require("rich.console", extra="cli").Console(stderr=True)
+    return _console("cli", stderr=True)
+
+
+def _console(extra, **options):
+    """A console that prints names of files as they are, whatever signs are in them."""
+    plain = {"markup": False, "emoji": False, "highlight": False}
+    return require("rich.console", extra=extra).Console(**plain, **options)
 
 
 def pyplot():
@@ -152,4 +163,4 @@ def timed_stage(name, sequence, console):
 
 def _print_tenth(description, done, total, console):
     if total and done * 10 // total > (done - 1) * 10 // total:
-        console.print(f"{description}: {done} of {total} done", highlight=False)
+        console.print(f"{description}: {done} of {total} done")

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from .._utils.optional import require
 from .._utils.writing import check_output
 from .console import (
     PICTURES,
+    console_of_findings,
     facts_table,
     progress_console,
     pyplot,
@@ -43,7 +43,7 @@ def add_demo(commands):
 
 
 def _demo(arguments):
-    console = require("rich.console", extra="cli").Console()
+    console = console_of_findings()
     plt = pyplot()
     check_output(arguments.out, PICTURES)
     from ..datasets import make_rigid_motions
@@ -67,7 +67,7 @@ def _demo(arguments):
         )
     )
     _draw_comparison(plt, X, y, segmenter.labels_, arguments.out)
-    console.print(f"picture: {arguments.out}", highlight=False)
+    console.print(f"picture: {arguments.out}")
 
 
 def _draw_comparison(plt, X, true, found, path):

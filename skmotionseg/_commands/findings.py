@@ -8,6 +8,7 @@ from .._core.geometry.tracks import unpack_tracks
 from .._segmenter.report import how_sure, pixels, window_lines
 from .._utils.colours import motion_colour
 from .._utils.optional import require
+from .._utils.words import counted
 from .console import facts_table, seconds_facts, track_facts
 
 
@@ -47,7 +48,7 @@ def print_findings(console, arguments, sequence, segmenter):
     if len(report.counts) > 1:
         console.print(_count_table(report))
     if report.windows:
-        console.print(window_lines(report), highlight=False)
+        console.print(window_lines(report))
     files = {
         "labels": arguments.out,
         "picture": arguments.render,
@@ -56,10 +57,15 @@ def print_findings(console, arguments, sequence, segmenter):
         "prompts": arguments.prompts,
         "viewer": arguments.viewer,
         "report": arguments.report,
+        "motions": arguments.split_dir and _files_in(arguments.split_dir, sequence),
     }
     for name, path in files.items():
         if path is not None:
-            console.print(f"{name}: {path}", highlight=False)
+            console.print(f"{name}: {path}")
+
+
+def _files_in(folder, sequence):
+    return f"{counted(sequence.n_files, 'file')} in {folder}"
 
 
 def _motion_table(report, *, coloured):
@@ -105,7 +111,8 @@ def _object_table(sequence):
 
 def _colour(motion):
     colour = motion_colour(motion)
-    return f"[{colour}]●[/] {colour}"
+    text = require("rich.text", extra="cli").Text
+    return text.assemble(("●", colour), f" {colour}")
 
 
 def _count_table(report):

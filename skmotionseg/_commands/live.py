@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .._utils.optional import require
 from .._utils.writing import check_apart, check_output
-from .console import facts_table
+from .console import console_of_findings, facts_table
 from .label_files import begin_observations, write_frame
 from .method_options import METHOD_OPTIONS, check_no_file_options, option_name
 from .video_tracks import open_video
@@ -49,7 +48,7 @@ def segment_live(arguments):
     from ..video._rendering import write_points
 
     _check(arguments)
-    console = require("rich.console", extra="cli").Console()
+    console = console_of_findings()
     frames = open_video(_source(arguments.file), arguments.stride)
     segmenter = OnlineMotionSegmenter(
         arguments.motions,
@@ -185,7 +184,7 @@ def _labelled(tracked, segmenter, files, arguments, console):
             points, ids = each.points, each.ids
             labels = segmenter.update(points, ids)
             for event in segmenter.events_:
-                console.print(str(event), highlight=False)
+                console.print(str(event))
             if n_done == 0:
                 table = _begin_table(arguments.out, files)
             if table is not None:
@@ -196,16 +195,16 @@ def _labelled(tracked, segmenter, files, arguments, console):
     except KeyboardInterrupt:  # how one ends what a camera films
         if n_done == 0:
             raise
-        console.print("stopped", highlight=False)
+        console.print("stopped")
 
 
 def _window(title, console):
     """A window on the screen; where there is none, that is said."""
     window = Window(title)
     if window.reason:
-        console.print(f"no window: {window.reason}", highlight=False)
+        console.print(f"no window: {window.reason}")
     else:
-        console.print("q or Esc in the window ends it", highlight=False)
+        console.print("q or Esc in the window ends it")
     return window
 
 
@@ -216,7 +215,7 @@ def _shown(labelled, window, console):
     for each in labelled:
         yield each
         if not window.reason and not window.show(with_points(*each)):
-            console.print("stopped", highlight=False)
+            console.print("stopped")
             return
 
 
@@ -255,4 +254,4 @@ def _print(console, arguments, segmenter, seconds):
     console.print(facts_table(str(arguments.file), facts))
     for name, path in (("labels", arguments.out), ("picture", arguments.render)):
         if path is not None:
-            console.print(f"{name}: {path}", highlight=False)
+            console.print(f"{name}: {path}")

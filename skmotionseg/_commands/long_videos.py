@@ -54,7 +54,7 @@ def segment_stored(run, clip, frames):
     facts.append(("seconds total", f"{time.perf_counter() - begun:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
     if arguments.out is not None:
-        console.print(f"labels: {arguments.out}", highlight=False)
+        console.print(f"labels: {arguments.out}")
 
 
 def _write_masks(arguments, frames, clip, labels, console):

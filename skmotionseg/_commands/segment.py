@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import time
 from functools import partial
+from itertools import product
+from os.path import realpath
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,8 +13,7 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from .._segmenter.long_clips import LONG_CLIP
-from .._utils.optional import require
-from .._utils.validation import check_ids
+from .._utils.validation import check_each_once, check_ids
 from .._utils.writing import (
     check_apart,
     check_kept,
@@ -22,7 +23,7 @@ from .._utils.writing import (
     motion_file,
 )
 from ..video._frames import PICTURE_ENDINGS, SMALLEST_SIDE, is_video
-from .console import PICTURES, count, progress_console
+from .console import PICTURES, console_of_findings, count, progress_console
 from .findings import print_findings
 from .label_files import LABEL_ENDINGS, write_labels
 from .live import segment_live
@@ -94,7 +95,8 @@ VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
     "--stride": {
         "type": count,
         "default": 1,
-        "help": "use only every STRIDE-th frame (default: 1)",
+        "help": "use only every STRIDE-th frame (default: 1); labels count the frames "
+        "that are used, masks are named after those of the video",
     },
     "--max-frames": {
         "type": partial(count, least=2),
@@ -169,7 +171,7 @@ def _segment(arguments):
         arguments,
         segmenter,
         # Whoever lacks both extras is told so at once.
-        require("rich.console", extra="cli,video" if video else "cli").Console(),
+        console_of_findings("cli,video" if video else "cli"),
         progress_console(),
         time.perf_counter(),
     )
@@ -212,20 +214,21 @@ def _segment_tracks(run, sequence):
     if arguments.out is not None:
         sure = segmenter.probabilities_ if arguments.confidence else None
         write_labels(arguments.out, sequence, segmenter.labels_, sure)
+    if arguments.split_dir is not None:
+        sequence.n_files = _split(arguments, sequence, segmenter.labels_)
     draw(arguments, sequence, segmenter, progress)
     sequence.seconds["total"] = time.perf_counter() - started
     print_findings(console, arguments, sequence, segmenter)
-    if arguments.split_dir is not None:
-        _split(arguments, sequence, segmenter.labels_, console)
 
 
-def _split(arguments, sequence, labels, console):
+def _split(arguments, sequence, labels):
+    """Write a file per motion; how many there are."""
     from ..export import save_motions
 
     files = save_motions(
         arguments.split_dir, sequence.data, labels, track_ids=sequence.track_ids
     )
-    console.print(f"motions: {len(files)} files in {arguments.split_dir}")
+    return len(files)
 
 
 def _check_options(arguments, video):
@@ -277,15 +280,22 @@ def _check_no_video_options(arguments):
 
 
 def _check_pictures(arguments):
-    """Refuse pictures among the frames of a folder: next time, they would be some."""
-    if not arguments.file.is_dir():
-        return
-    for path in (arguments.render, arguments.report):
-        is_picture = path is not None and path.suffix.lower() in PICTURE_ENDINGS
-        if is_picture and path.absolute().parent.samefile(arguments.file):
+    """Refuse pictures among the frames of a folder, or masks: they would be some."""
+    folders = {
+        "frames": arguments.file if arguments.file.is_dir() else None,
+        "masks": arguments.masks,
+        "static masks": arguments.static_masks,
+    }
+    pictures = [
+        path
+        for path in (arguments.render, arguments.report)
+        if path is not None and path.suffix.lower() in PICTURE_ENDINGS
+    ]
+    for path, (kind, folder) in product(pictures, folders.items()):
+        if folder is not None and realpath(path.absolute().parent) == realpath(folder):
             raise ValueError(
-                f"{path} would be one of the frames in {arguments.file}: write it to "
-                "another folder"
+                f"{path} would be one of the {kind} in {folder}: write it to another "
+                "folder"
             )
 
 
@@ -306,6 +316,8 @@ def _load_tracks(arguments):
     sequence.setdefault("track_ids", np.arange(len(sequence.data)))
     if arguments.split_dir is not None:  # not only once they are segmented
         check_ids(sequence.track_ids, len(sequence.data))
+    elif arguments.out is not None:
+        check_each_once(sequence.track_ids)
     return Bunch(**sequence, video={}, seconds={}, objects=None)
 
 

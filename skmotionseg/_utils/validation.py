@@ -336,12 +336,29 @@ def check_ids(track_ids: npt.ArrayLike, n_tracks: int) -> npt.NDArray[np.integer
                 f"{others[0]!r} (dtype {ids.dtype})"
             )
         ids = np.array([int(name) for name in ids.tolist()], dtype=np.int64)
+    check_each_once(ids)
+    return ids
+
+
+def check_each_once(ids):
+    """Refuse names of tracks, as a table may have them, that do not tell these apart.
+
+    Parameters
+    ----------
+    ids : ndarray of numbers, shape (n_tracks,)
+
+    Raises
+    ------
+    ValueError
+        If one comes twice, or is NaN.
+    """
     names, times = np.unique(ids, return_counts=True)
+    if (names != names).any():
+        raise ValueError("track_ids must be numbers; one is missing")
     if (times > 1).any():
         raise ValueError(
             f"track_ids must each come once; got {names[times > 1][0]} more often"
         )
-    return ids
 
 
 def _is_whole(number):

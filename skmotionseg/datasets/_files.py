@@ -54,6 +54,8 @@ OBSERVATION_NAMES = {
 NEEDED = ("track", "frame", "x", "y")
 # Names that end in the number of a frame: no dates, and nothing that may have a sign.
 NUMBERED = re.compile(r"[a-z_. ]*?(\d+(?:\.\d+)?)")
+# Names of coordinates as nearly all tables have them.
+COORDINATE = re.compile(r"[xy](?![a-z]).*")
 # Correlation, along both axes, of points with where they were a frame before.
 ALONG = 0.9
 # Columns that may hold truth values, and what an observation has there.
@@ -402,10 +404,12 @@ def _read_wide(header, rows):
     for i in [i for i in columns if header[i] in LABEL_NAMES][:1]:
         fields["target"] = whole_numbers(table[:, i], f"the column {header[i]!r}")
         columns.remove(i)
-    if len(columns) % 2 and header[columns[0]] in INDEX_NAMES:
+    if columns and header[columns[0]] in INDEX_NAMES:
         place = columns.pop(0)
         fields["track_ids"] = _ids([row[place] for row in rows[1:]])
-    _check_order([header[i] for i in columns])
+    names = [header[i] for i in columns]
+    _check_coordinates(names)
+    _check_order(names)
     return {"data": table[:, columns], **fields}
 
 
@@ -450,6 +454,20 @@ def _go_along(points, others):
 
 def _initials(names):
     return "".join(name[:1] for name in names)
+
+
+def _check_coordinates(names):
+    """Refuse columns that are no coordinates, as far as their names tell it."""
+    others = [name for name in names if not COORDINATE.fullmatch(name)]
+    if len(others) == len(names):  # named in a way of their own
+        others = [name for name in names if name in (*INDEX_NAMES[1:], *LABEL_NAMES)]
+    if others:
+        raise ValueError(
+            "columns must be x and y of each frame, perhaps after track and label; got "
+            f"{', '.join(map(repr, others[:4]))} among them"
+        )
+    if not names:
+        raise ValueError("there must be columns of x and y of each frame; got none")
 
 
 def _check_order(names):

@@ -520,6 +520,13 @@ HEADERS = {
     "x1,y1,x0,y0\n1,2,3,4\n": "order of their frames, .* got y1 before x0",
     "id,x0,y0,x1,y1,x10,y10,x2,y2,label\n1,2,3,4,5,6,7,8,9,0\n": "got y10 before x2",
     "u0,u1,v0,v1\n1,2,3,4\n": "got u1 before v0",
+    "track,x0,y0,x1,y1,score\n1,2,3,4,5,6\n": "x and y of each frame.* got 'score'",
+    "track,quality,x0,y0\n1,2,3,4\n": "got 'quality' among them",
+    "x0,y0,v0,x1,y1,v1\n1,2,1,3,4,1\n": "got 'v0', 'v1' among them",
+    "a,b,label,label\n1,2,3,4\n": "got 'label' among them",
+    "a,id\n1,2\n": "got 'id' among them",
+    "track,label\n1,2\n": "columns of x and y of each frame; got none",
+    "track,label,probability\n1,2,0.5\n": "two columns per frame; got 1 column",
     "0,0,1.5,2\n0,1,1.6,2\n1,0,7,7.5\n": "begin the file with the line track,frame",
     "37,4,1.5,2\n37,5,1.6,2\n52,4,7,7.5\n52,6,7,7\n": "begin the file with the line",
     "frame_id;point;px;py\n0;0;1.5;2\n1;0;1.6;2\n0;1;7;7.5\n1;1;7;7.6\n": (

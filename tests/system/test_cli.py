@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import re
 import subprocess
 import sys
 from contextlib import redirect_stdout
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -228,6 +230,47 @@ def test_segment_writes_a_file_a_motion(run, scene, scene_file, tmp_path):
     code, _, errors = run("segment", scene_file, *fewer)
     assert code == 2
     assert "motion_2.npz of another segmentation" in errors
+
+
+def test_names_of_files_are_printed_as_they_are(run, scene_file, tmp_path):
+    """Also those that Rich would take for markup, or for the name of a picture."""
+    folder = tmp_path / "run[" / "x]"
+    folder.mkdir(parents=True)
+    source, out = folder / "scene[final]:dog:.npz", folder / "labels[red].npz"
+    source.write_bytes(scene_file.read_bytes())
+    options = (*BY_GRAPH, "--out", out, "--split-dir", folder / "motions[b]")
+    code, printed, errors = run("segment", source, *options)
+    assert (code, errors) == (0, "")
+    assert source.name in printed
+    printed = " ".join(printed.split())
+    assert f"labels: {out}" in printed
+    assert f"motions: 3 files in {folder}/motions[b]" in printed
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_all_files_are_written_whether_or_not_what_is_printed_is(scene_file, tmp_path):
+    command = [sys.executable, "-m", "skmotionseg", "segment", scene_file, *BY_GRAPH]
+    options = ["--out", tmp_path / "labels.csv", "--split-dir", tmp_path / "motions"]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(
+            [*map(str, command + options)], stdout=full, stderr=subprocess.PIPE
+        )
+    assert ended.returncode == 2
+    assert b"No space left" in ended.stderr
+    assert len(list((tmp_path / "motions").iterdir())) == 3
+    assert (tmp_path / "labels.csv").exists()
+
+
+def test_what_the_terminal_has_no_sign_for_is_no_error(run, scene_file):
+    command = [sys.executable, "-m", "skmotionseg", "segment", scene_file, *BY_GRAPH]
+    ended = subprocess.run(
+        [*map(str, command)],
+        capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"},
+    )
+    assert (ended.returncode, ended.stderr) == (0, b"")
+    assert b"? #" in ended.stdout  # the dots of the colours
+    assert facts(run("segment", scene_file, *BY_GRAPH)[1])["motions found"] == "3"
 
 
 @pytest.mark.parametrize("lost", ["the input", "--out"])
@@ -839,6 +882,22 @@ def test_labels_carry_whole_names_digit_by_digit(run, tmp_path, scene, first):
     assert run("segment", file, *BY_GRAPH, "--out", out)[0] == 0
     written = np.loadtxt(out, delimiter=",", skiprows=1, dtype=np.int64)
     assert_array_equal(written[:, 0], names)
+
+
+@pytest.mark.parametrize(
+    "ids, words",
+    [([3, 4, 3], "each come once; got 3"), ([1, np.nan, 2], "one is missing")],
+)
+def test_names_that_tell_no_tracks_apart_are_refused_if_written(
+    run, tmp_path, ids, words
+):
+    file, out = tmp_path / "clip.csv", tmp_path / "labels.csv"
+    columns = np.column_stack([ids, np.arange(12.0).reshape(3, 4)])
+    np.savetxt(file, columns, delimiter=",", header="track,x0,y0,x1,y1")
+    code, _, errors = run("segment", file, "--out", out)
+    assert code == 2
+    assert words in errors
+    assert not out.exists()
 
 
 def test_labels_carry_names_that_are_not_whole(tmp_path):
