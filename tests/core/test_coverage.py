@@ -33,6 +33,12 @@ def scene():
 # ------------------------------------------------------------------------ the choice
 
 
+def test_one_observation_astray_changes_hardly_a_landmark(scene):
+    X = scene[0].copy()
+    X[7, 4:6] = 1e8
+    assert np.isin(choose(X, 200), choose(scene[0], 200)).mean() > 0.9
+
+
 @pytest.mark.parametrize("n_landmarks", [1, 2, 15, 16, 17, 333, 1499, 1500])
 def test_as_many_landmarks_as_asked_for(scene, n_landmarks):
     chosen = choose(scene[0], n_landmarks)

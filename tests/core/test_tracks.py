@@ -416,6 +416,18 @@ def test_no_points_at_all_have_scale_one():
     assert scale == 1
 
 
+@pytest.mark.parametrize("away", [1e5, -1e9])
+def test_what_is_astray_moves_no_centre(rng, away):
+    points, visibility = rng.uniform(0, 500, (40, 4, 2)), np.ones((40, 4), dtype=bool)
+    lost = points.copy()
+    lost[3, 1] = away
+    seen = visibility.copy()
+    seen[3, 1] = False
+    expected = working_coordinates(points, seen)
+    for found, right in zip(working_coordinates(lost, visibility), expected):
+        assert_allclose(found, right)
+
+
 @pytest.mark.parametrize("n", [1, 3, 9])
 @pytest.mark.parametrize("spot", SPOTS)
 def test_tracks_in_one_spot_have_scale_one(spot, n):

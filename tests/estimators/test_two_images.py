@@ -45,6 +45,14 @@ def test_planes():
     judge(y, segment(X))
 
 
+@pytest.mark.parametrize("away", [1e5, 1e9])
+def test_a_track_astray_takes_no_motion_from_the_others(away):
+    X, y = two_images([40, 30], 20, seed=2)
+    judge(y, segment(X))
+    astray = np.vstack([X, away * np.array([[0.3, 0.9, 0.7, 0.1]])])
+    judge(np.append(y, -1), segment(astray))
+
+
 @pytest.mark.parametrize("noise", [0.0, 1.5])
 def test_exact_and_noisy_tracks(noise):
     X, y = two_images([40, 30], 20, noise=noise, seed=2)

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from .tracks import covered
+
 ROUNDS = 16
 # Tracks that are compared with the landmarks at a time.
 TRACKS_PER_BATCH = 8192
@@ -193,8 +195,10 @@ def _kth(squared):
 def _channels(points, visibility):
     """Places and displacements in units of their spread, 0 where unseen, and masks.
 
-    Each is (n_tracks, n_frames, 2) and (n_tracks, n_frames), float32.
+    Each is (n_tracks, n_frames, 2) and (n_tracks, n_frames), float32. What is astray is
+    at the edge of what the others cover: single precision would not hold it and them.
     """
+    points = np.clip(points, *covered(points, visibility))
     scaled = _scaled(points, visibility, _scaling(points, visibility))
     return [tuple(each.astype(np.float32) for each in channel) for channel in scaled]
 

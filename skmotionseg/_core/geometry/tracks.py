@@ -546,12 +546,14 @@ def working_coordinates(points, visibility):
     centres : ndarray of shape (n_frames, 2)
         Centroid of the tracks seen; 0 in a frame in which none is.
     scale : float
-        Mean distance from the centres along one axis; positive.
+        Mean distance from the centres along one axis; positive. What is astray (see
+        :func:`covered`) counts for neither.
     """
-    seen = visibility.sum(axis=0)[:, None]
-    filled = np.where(visibility[..., None], points, 0)
-    centres = filled.sum(axis=0) / np.maximum(seen, 1)
-    distance = np.abs(points - centres)[visibility]
+    low, high = covered(points, visibility)
+    near = visibility & ((points >= low) & (points <= high)).all(axis=-1)
+    filled = np.where(near[..., None], points, 0)
+    centres = filled.sum(axis=0) / np.maximum(near.sum(axis=0)[:, None], 1)
+    distance = np.abs(points - centres)[near]
     scale = distance.mean() if len(distance) else 0.0
     coincide = scale <= ROUNDING * np.abs(filled).max(initial=0)
     return centres, 1.0 if coincide else float(scale)

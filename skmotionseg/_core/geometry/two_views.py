@@ -26,6 +26,7 @@ from scipy.special import gammaln
 
 from .epipolar import cheapest_rank_two
 from .motion_models import epipolar_equations, homogeneous
+from .tracks import covered
 
 # Degrees of freedom of Student's t: scales of noise that differ by a factor of two
 # from track to track leave tails like these.
@@ -128,8 +129,8 @@ def two_views(x, y, side=None):
 
 
 def _side_of(x, y):
-    """Side of a square as large as what correspondences cover."""
-    extents = np.concatenate([np.ptp(x, axis=0), np.ptp(y, axis=0)])
+    """Side of a square as large as what correspondences cover, but for astray ones."""
+    extents = np.concatenate([np.ptp(covered(points), axis=0) for points in (x, y)])
     # A still camera's single row of points has no area.
     extents = np.maximum(extents, max(1e-3 * extents.max(), 1e-9))
     return float(np.prod(extents) ** 0.25)
