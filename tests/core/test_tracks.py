@@ -424,7 +424,9 @@ def test_what_is_astray_moves_no_centre(rng, away):
     seen = visibility.copy()
     seen[3, 1] = False
     expected = working_coordinates(points, seen)
-    for found, right in zip(working_coordinates(lost, visibility), expected):
+    for found, right in zip(
+        working_coordinates(lost, visibility), expected, strict=True
+    ):
         assert_allclose(found, right)
 
 
