@@ -134,8 +134,9 @@ def points_in_batches(X, frames):
 
 
 def extent_of(corners):
-    """Width and height (2,) of what has such corners, pixels; at least one each."""
-    return np.maximum(np.ptp(corners, axis=0) if corners else [0, 0], 1.0)
+    """Width and height (2,) of what has such corners, pixels; one where it is flat."""
+    extent = np.ptp(corners, axis=0) if corners else np.zeros(2)
+    return np.where(extent > 0, extent, 1.0)
 
 
 def _batches(X):

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.stats import norm
 
@@ -15,6 +18,7 @@ from skmotionseg._core.stream.identities import (
     Trace,
     going_on,
     parts,
+    pixel_of,
 )
 
 SIZE = np.array([640.0, 480.0])
@@ -77,6 +81,26 @@ def test_trace_of_tracks_is_where_three_are_seen():
     assert_array_equal(last.mean, [2, 2])
     assert last.log_radius == 0  # no less than a pixel
     assert Trace.of(10, points, seen[:2], first=True) is None
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e-5, 100.0])
+def test_evidence_does_not_depend_on_the_unit(unit):
+    """What was large is not what appears elsewhere and is small, however measured."""
+    rng = np.random.default_rng(0)
+    large, small = (
+        np.array(place) + radius * rng.standard_normal((30, 5, 2))
+        for place, radius in (((100, 100), 60), ((500, 300), 15))
+    )
+    seen = np.ones((30, 5), dtype=bool)
+
+    def evidence(unit):
+        size = unit * SIZE
+        of = partial(Trace.of, least_radius=pixel_of(size))
+        gone, new = of(0, unit * large, seen), of(34, unit * small, seen, first=True)
+        return gone.evidence(new, size)
+
+    assert evidence(1.0) < 0
+    assert_allclose(evidence(unit), evidence(1.0))
 
 
 def test_numbers_that_are_all_given_come_back_anywhere():

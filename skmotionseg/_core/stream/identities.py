@@ -8,6 +8,8 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.special import expit
 
+from ..geometry.camera import REFERENCE_WIDTH
+
 # Tracks that show where a motion is.
 FEWEST_TRACKS = 3
 # Where a motion that nobody sees may be: it forgets where it was in so many frames, and
@@ -51,7 +53,7 @@ class Trace(NamedTuple):
     log_radius: float
 
     @classmethod
-    def of(cls, start, points, seen, first=False):
+    def of(cls, start, points, seen, first=False, least_radius=1.0):
         """The trace of some tracks; None if no frame sees three of them.
 
         Parameters
@@ -62,6 +64,8 @@ class Trace(NamedTuple):
         seen : ndarray of bool, shape (n, L)
         first : bool
             Whether the frame is the first that sees them, and not the last.
+        least_radius : float
+            What a motion's is taken to be at least (see :func:`pixel_of`).
         """
         frames = np.flatnonzero(seen.sum(axis=0) >= FEWEST_TRACKS)
         if len(frames) == 0:
@@ -78,7 +82,7 @@ class Trace(NamedTuple):
             len(frames),
             places.mean(axis=0),
             places.var(axis=0),
-            float(np.log(np.maximum(radii, 1)).mean()),
+            float(np.log(np.maximum(radii, least_radius)).mean()),
         )
 
     def after(self, other):
@@ -131,6 +135,11 @@ class Trace(NamedTuple):
     def evidence_of_part(self, size):
         """As :meth:`evidence`, for what may be a part of it: near it, of any size."""
         return float(np.log(size).sum() - np.log(2 * np.pi) - 2 * self.log_radius)
+
+
+def pixel_of(size):
+    """A pixel of a video 640 pixels wide, where a picture has this size (2,)."""
+    return size.max() / REFERENCE_WIDTH
 
 
 def _log_normal(value, mean, variance):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import logit
 
-from .identities import SHARED_TRACKS, Numbers, Trace, going_on
+from .identities import SHARED_TRACKS, Numbers, Trace, going_on, pixel_of
 
 # Frames of a window, and frames that it shares with the next.
 WINDOW, OVERLAP = 30, 10
@@ -113,15 +113,16 @@ class Joiner:
             self.numbers.hide(number)
         order = sorted(range(len(groups)), key=lambda k: (k not in going_on, k))
         names = np.full(len(groups) + 1, -1)  # the last is of no motion
+        pixel = pixel_of(self.size)
         for k in order:
             where = part.start, points[groups[k]], seen[groups[k]]
             names[k] = going_on.get(k, -1)
             if k not in going_on:
                 living = {int(name) for name in names if name >= 0}
-                first = Trace.of(*where, first=True)
+                first = Trace.of(*where, first=True, least_radius=pixel)
                 names[k] = self._number_of(part.tracks[groups[k]], first, living)
             if names[k] >= 0:
-                self.numbers.see(int(names[k]), Trace.of(*where))
+                self.numbers.see(int(names[k]), Trace.of(*where, least_radius=pixel))
         self._living = sorted({int(name) for name in names if name >= 0})
         for number in self._living:
             known = self._log_odds.get(number, 0.0)

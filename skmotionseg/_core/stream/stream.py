@@ -28,7 +28,7 @@ from .following import (
     newly_held,
 )
 from .history import History
-from .identities import Numbers, Trace, enough_shared, parts
+from .identities import Numbers, Trace, enough_shared, parts, pixel_of
 from .living import (
     ALIKE,
     ESTABLISHED,
@@ -577,7 +577,8 @@ class MotionStream:
         """Where some tracks are in the last frames."""
         points, seen = self.buffer.points[rows], self.buffer.seen[rows]
         start = self.frame - n_frames + 1
-        return Trace.of(start, points[:, -n_frames:], seen[:, -n_frames:], first)
+        last = points[:, -n_frames:], seen[:, -n_frames:]
+        return Trace.of(start, *last, first, pixel_of(self.size))
 
     def _remove(self, column, decision, other, events):
         """Take a motion out of the living."""
@@ -669,7 +670,7 @@ def _appeared(frame, number, again):
 
 def _covered(buffer):
     low, high = covered(buffer.points, buffer.seen)
-    return np.maximum(high - low, 1)
+    return np.where(high > low, high - low, 1)
 
 
 def _most(labels):
