@@ -134,8 +134,10 @@ def sequence_scorer(scoring: str | Callable) -> Callable:
     ------
     TypeError, ValueError
         If it is neither, there is no scorer of that name, or the one of that name
-        depends on the numbers of the labels, as "accuracy" does. Of a function, that is
-        not tried.
+        depends on the numbers of the labels, as "accuracy" does; that is not tried of a
+        function. If a function gives no number for the labels of a few tracks, or less
+        for all correct ones than for wrong ones, as an error does; or if it is
+        :func:`motion_count_accuracy`, which takes all sequences at once.
 
     Examples
     --------
@@ -171,10 +173,11 @@ def _check_scoring(scoring):
             "sequence_scorer takes the name of a scorer, or a function of true and "
             f"found labels; got {scoring!r}"
         )
+    true = np.arange(20) % 2
     if not isinstance(scoring, str):
+        _check_score(scoring, true)
         return
     get_scorer(scoring)  # raises if there is none
-    true = np.arange(20) % 2
     try:
         same, swapped = (_score_by_name(scoring, true, y) for y in (true, 1 - true))
     except Exception as error:
@@ -184,6 +187,29 @@ def _check_scoring(scoring):
             f"{scoring!r} depends on the numbers of the labels, which are arbitrary: "
             "take one of partitions, such as 'adjusted_rand_score', or the score of "
             "PerSequence itself"
+        )
+
+
+def _check_score(function, true):
+    """Refuse a function that is no score of one sequence, where more is better."""
+    if function is motion_count_accuracy:
+        raise ValueError(
+            "motion_count_accuracy takes the labels of all sequences at once: give "
+            "make_scorer(motion_count_accuracy) instead of a sequence_scorer"
+        )
+    try:
+        right, wrong = (function(true, found) for found in (true, np.zeros_like(true)))
+    except Exception:  # it may need other labels than these
+        return
+    if np.ndim(right) > 0:
+        raise TypeError(
+            f"a score must be a number; got {type(right).__name__} from {function!r}"
+        )
+    if right < wrong:
+        raise ValueError(
+            f"more must be better, but {function!r} gives {right:.3g} for correct "
+            f"labels and {wrong:.3g} for wrong ones: give a function that returns its "
+            "negative, or leave scoring out for 1 - misclassification_error"
         )
 
 

@@ -113,6 +113,8 @@ class ModelUnion(FeatureUnion):
         chosen = names if self.models is None else _names_of(self.models)
         if not chosen or not all(name in names for name in chosen):
             raise ValueError(f"models must be some of {names}; got {chosen}")
+        if len(set(chosen)) < len(chosen):
+            raise ValueError(f"models must differ; got {chosen}")
         union = FeatureUnion(
             [
                 (name, view if name in chosen else "drop")

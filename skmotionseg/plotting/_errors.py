@@ -107,7 +107,7 @@ class SequenceErrorDisplay:
         """
         require_pyplot()
         if isinstance(records, str | os.PathLike):
-            records = json.loads(Path(records).read_text())
+            records = _read_records(Path(records))
         errors, methods, sequences = _table_of_records(records, dataset, methods, value)
         return cls(errors, methods, sequences).plot(ax=ax)
 
@@ -295,6 +295,15 @@ def _segment(estimator, tracks, seed):
             names = ["random_state"]
         estimator.set_params(**dict.fromkeys(names, seed))
     return estimator.fit_predict(tracks)
+
+
+def _read_records(path):
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        raise ValueError(
+            f"{path} is not what skmotionseg bench --json writes: {error}"
+        ) from error
 
 
 def _table_of_records(records, dataset, methods, value):

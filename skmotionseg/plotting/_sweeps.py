@@ -36,6 +36,8 @@ if TYPE_CHECKING:
 
 # The weight of each fusion that has one: its parameter, and how it is written.
 WEIGHTS = {"coreg": ("lam", r"$\lambda$"), "subset": ("gamma", r"$\gamma$")}
+# Letters of a value that fits beside its neighbours below an axis.
+LONGEST_UPRIGHT = 8
 MARKERS = ("o", "s", "D", "^", "v", "P")
 
 
@@ -305,8 +307,11 @@ def _fused_and_view_errors(clusterer, affinities, y):
 
 def _check_values(values):
     values = np.asarray(values, dtype=float)
-    if values.ndim != 1 or not values.size or not (values > 0).all():
-        raise ValueError(f"values must be positive, for a log axis; got {values}")
+    fit = (values > 0) & np.isfinite(values)
+    if values.ndim != 1 or not values.size or not fit.all():
+        raise ValueError(
+            f"values must be positive and finite, for a log axis; got {values}"
+        )
     return values
 
 
@@ -317,6 +322,10 @@ def _mean_errors(errors, n_values, name):
         raise ValueError(
             f"{name} must have shape ({n_values},) or ({n_values}, n_sequences); got "
             f"{errors.shape}"
+        )
+    if not ((errors >= 0) & (errors <= 1)).all():
+        raise ValueError(
+            f"{name} must be in 0 to 1; got {errors.min():g} to {errors.max():g}"
         )
     return 100 * errors.reshape(n_values, -1).mean(axis=1)
 
@@ -390,7 +399,8 @@ class GridDisplay:
         Parameters
         ----------
         search : fitted GridSearchCV
-            Over whole grids; settings that a search left out have no colour.
+            Over whole grids; settings that a search left out have no colour. Of one
+            with several metrics, the one that it was refitted by is drawn.
         x, y : str, optional
             Parameters of the axes, by their names in the grid. Needed if more than two
             were varied; the others are held at the best setting's.
@@ -407,8 +417,12 @@ class GridDisplay:
             If it is not fitted, or as :meth:`from_cv_results` has it.
         """
         check_is_fitted(search, "cv_results_")
+        results = search.cv_results_
+        if isinstance(search.refit, str) and f"mean_test_{search.refit}" in results:
+            score = results[f"mean_test_{search.refit}"]
+            results = results | {"mean_test_score": score}
         return cls.from_cv_results(
-            search.cv_results_, x=x, y=y, negated=negated, ax=ax, colorbar=colorbar
+            results, x=x, y=y, negated=negated, ax=ax, colorbar=colorbar
         )
 
     @classmethod
@@ -444,9 +458,16 @@ class GridDisplay:
         Raises
         ------
         ValueError
-            If it is not said which two parameters to draw, or a score is not what
-            ``negated`` says.
+            If it is not said which two parameters to draw, a score is not what
+            ``negated`` says, or there are several.
         """
+        if "mean_test_score" not in cv_results:
+            prefix = "mean_test_"
+            metrics = [name for name in cv_results if name.startswith(prefix)]
+            raise ValueError(
+                "cv_results needs a mean_test_score; of several metrics, refit=NAME "
+                f"says which is drawn; got {', '.join(metrics) or 'no scores'}"
+            )
         scores = np.asarray(cv_results["mean_test_score"], dtype=float)
         errors = -scores if negated else 1 - scores
         _check_some_score(errors)
@@ -516,7 +537,10 @@ class GridDisplay:
                 fontweight="bold" if error == least else "normal",
             )
         self.ax_.set(xlabel=self.x_name, ylabel=self.y_name)
-        self.ax_.set_xticks(range(shape[1]), map(_value_name, self.x_values))
+        names = [*map(_value_name, self.x_values)]
+        aside = max(map(len, names)) > LONGEST_UPRIGHT
+        turned: dict[str, Any] = {"rotation": 25, "ha": "right"} if aside else {}
+        self.ax_.set_xticks(range(shape[1]), names, **turned)
         self.ax_.set_yticks(range(shape[0]), map(_value_name, self.y_values))
         self.colorbar_ = None
         if colorbar:

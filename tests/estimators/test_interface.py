@@ -36,7 +36,11 @@ from skmotionseg import (
     unpack_tracks,
 )
 from skmotionseg.datasets import load_tracks, make_rigid_motions
-from skmotionseg.metrics import misclassification_error, sequence_scorer
+from skmotionseg.metrics import (
+    misclassification_error,
+    motion_count_accuracy,
+    sequence_scorer,
+)
 from skmotionseg.pipelines import ModelUnion
 from skmotionseg.plotting import CountDisplay
 
@@ -205,6 +209,7 @@ def test_subsets_of_the_models_are_one_key_of_a_grid(tracks):
         (SHIFT, r"models must be some of .*; got \['shift'\]"),
         (("affine", 3), r"models must be some of .*; got \['affine', 3\]"),
         ((), r"models must be some of .*; got \[\]"),
+        (("affine", "affine"), r"models must differ; got \['affine', 'affine'\]"),
         (
             3,
             r"'models' parameter of ModelUnion must be an array-like, .* Got 3 instead",
@@ -764,6 +769,15 @@ def test_what_scores_no_labels_is_refused():
     for scoring in (3, None, make_scorer(adjusted_rand_score)):
         with pytest.raises(TypeError, match="the name of a scorer, or a function"):
             sequence_scorer(scoring)
+
+
+def test_functions_that_are_no_scores_of_a_sequence_are_refused():
+    with pytest.raises(ValueError, match=r"more must be better, .* gives 0 for"):
+        sequence_scorer(misclassification_error)
+    with pytest.raises(ValueError, match=r"make_scorer\(motion_count_accuracy\)"):
+        sequence_scorer(motion_count_accuracy)
+    with pytest.raises(TypeError, match="a score must be a number; got tuple"):
+        sequence_scorer(lambda true, found: (1.0, 0.5))
 
 
 def test_the_error_of_tracks_is_no_score_of_sequences(sequences):

@@ -713,6 +713,28 @@ def test_negated_errors_of_a_search(small):
     assert_allclose(display.errors.T.ravel(), -search.cv_results_["mean_test_score"])
 
 
+def test_of_several_metrics_the_one_of_the_refit_is_drawn(small):
+    X, y, segmenter = small
+    right = make_scorer(misclassification_error, greater_is_better=False)
+    grid = {"delta": [0.1, 1.0], "models": [MODELS[:2], MODELS[1:]]}
+    everything = [(np.arange(60), np.arange(60))]
+    scoring = {"error": right, "rand": "adjusted_rand_score"}
+    search = GridSearchCV(segmenter, grid, scoring=scoring, cv=everything, refit="rand")
+    display = GridDisplay.from_estimator(search.fit(X, y))
+    score = search.cv_results_["mean_test_rand"]
+    assert_allclose(display.errors.T.ravel(), 1 - score)
+
+
+def test_long_names_of_values_are_turned_and_do_not_overlap():
+    names = ["description_length", "kernel_addition", "coregularization"]
+    display = GridDisplay([[0.1, 0.2, 0.3]], names, [1]).plot()
+    display.figure_.canvas.draw()
+    ticks = display.ax_.get_xticklabels()
+    assert all(label.get_rotation() == 25 for label in ticks)
+    upright = GridDisplay([[0.1, 0.2, 0.3]], [0.01, 0.1, 1], [1]).plot()
+    assert all(label.get_rotation() == 0 for label in upright.ax_.get_xticklabels())
+
+
 def test_a_setting_without_a_score_is_left_blank():
     display = GridDisplay([[0.1, np.nan]], [1, 2], [True]).plot(colorbar=False)
     assert [text.get_text() for text in display.texts_[0]] == ["10.0", "-"]
@@ -724,6 +746,13 @@ def test_thirty_motions_have_colours_of_their_own():
     colours = {motion_colour(motion) for motion in range(30)} | {motion_colour(-1)}
     assert len(colours) == 31
     assert all(to_hex(to_rgb(colour)) == colour for colour in colours)
+
+
+def test_a_file_of_something_else_is_named(tmp_path):
+    journal = tmp_path / "bench.jsonl"
+    journal.write_text('{"error_known": 0}\n{"error_known": 0}\n')
+    with pytest.raises(ValueError, match=r"bench.jsonl is not what .* --json writes"):
+        SequenceErrorDisplay.from_records(journal)
 
 
 def test_numbers_can_be_read_on_their_colours():
@@ -1075,6 +1104,21 @@ def case(name, call, words, error=ValueError):
             "values must be positive",
         ),
         case(
+            "weights, infinite",
+            lambda: FusionWeightDisplay.from_predictions([np.inf, 1], [0.1, 0.2]),
+            "values must be positive and finite",
+        ),
+        case(
+            "weights, percent",
+            lambda: FusionWeightDisplay.from_predictions([2, 1], [7.5, 8.2]),
+            "errors must be in 0 to 1; got 7.5 to 8.2",
+        ),
+        case(
+            "weights, unknown errors",
+            lambda: FusionWeightDisplay.from_predictions([2, 1], [np.nan, 0.1]),
+            "errors must be in 0 to 1",
+        ),
+        case(
             "weights, lengths",
             lambda: FusionWeightDisplay.from_predictions([1, 2], [0.1]),
             r"errors must have shape \(2,\) .* got \(1,\)",
@@ -1103,6 +1147,13 @@ def case(name, call, words, error=ValueError):
             "grid, shape",
             lambda: GridDisplay([[0.1]], [1, 2], [1]).plot(),
             r"need errors of shape \(1, 2\); got \(1, 1\)",
+        ),
+        case(
+            "grid, several metrics",
+            lambda: GridDisplay.from_cv_results(
+                {"mean_test_a": [0.1], "mean_test_b": [0.2], "params": [{"x": 1}]}
+            ),
+            "needs a mean_test_score; .* got mean_test_a, mean_test_b",
         ),
         case(
             "grid, not fitted",
