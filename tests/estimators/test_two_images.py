@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from benchmarks.static_scenes import street
 from skmotionseg import MotionSegmenter
+from skmotionseg.datasets import make_scene
 from skmotionseg.metrics import misclassification_error
 
 QUICK = {"n_hypotheses": 100, "random_state": 0}
@@ -43,6 +44,40 @@ def test_three_motions_and_as_many_mismatches():
 def test_planes():
     X, y = two_images([40, 30], 40, flat=True, seed=1)
     judge(y, segment(X))
+
+
+def before_a_still_camera(n_tracks, n_moving, shift, grows=1.0):
+    """A scene that rests, and a thing before it that goes to the side or grows."""
+    rng = np.random.RandomState(0)
+    thing = [150, 200] + rng.rand(n_moving, 2) * [120, 90]
+    x = np.vstack([rng.rand(n_tracks, 2) * SIZE, thing])
+    y = x.copy()
+    y[n_tracks:] = thing.mean(axis=0) + grows * (thing - thing.mean(axis=0)) + shift
+    X = np.hstack([x, y]) + 0.15 * rng.randn(len(x), 4)
+    return X, np.repeat([0, 1], [n_tracks, n_moving])
+
+
+@pytest.mark.parametrize("n_tracks, n_moving", [(40, 20), (150, 60)])
+@pytest.mark.parametrize("shift", [(20, 0), (60, 12), (0, -150)])
+def test_what_moves_before_a_still_camera_is_found(n_tracks, n_moving, shift):
+    """However far: one epipolar geometry explains both, but no motion of a camera."""
+    X, y = before_a_still_camera(n_tracks, n_moving, shift)
+    judge(y, segment(X))
+
+
+def test_what_comes_nearer_before_a_still_camera_is_found():
+    X, y = before_a_still_camera(100, 50, (0, 0), grows=1.1)
+    judge(y, segment(X))
+
+
+@pytest.mark.parametrize("seed, n_frames", [(0, 3), (1, 5)])
+def test_steps_of_a_few_pixels_before_a_still_camera_are_found(seed, n_frames):
+    kind = {"random_state": seed, "n_tracks": 200, "n_frames": n_frames}
+    scene = make_scene("still_camera", **kind)
+    ends = scene.data.reshape(200, -1, 2)[:, [0, -1]].reshape(200, 4)
+    seen = np.isfinite(ends).all(axis=1)
+    labels = segment(ends[seen]).labels_
+    assert misclassification_error(scene.target[seen], labels) < 0.1
 
 
 @pytest.mark.parametrize("away", [1e5, 1e9])

@@ -60,11 +60,15 @@ class TwoViews:
         Homogeneous, in working units, the origin amid the tracks of each image.
     side : float or ndarray of shape (...)
         Side of a square as large as what the tracks cover, in working units.
+    at_rest : ndarray of shape (2,), optional
+        How far what rests goes from the one to the other: their origins are not the
+        same place. None where that is not known.
     """
 
     x: np.ndarray
     y: np.ndarray
     side: float | np.ndarray
+    at_rest: np.ndarray | None = None
 
     def __len__(self):
         return self.x.shape[-2]
@@ -77,6 +81,12 @@ class TwoViews:
     def pixel(self):
         """A pixel of an image of 640 x 480, in working units."""
         return self.side * PIXEL
+
+    @property
+    def moved(self):
+        """How far tracks go, in pixels of an image of 640 x 480; (n,)."""
+        gone = (self.y - self.x)[..., :2] - np.asarray(self.at_rest)
+        return np.linalg.norm(gone, axis=-1) / self.pixel
 
     @property
     def log_density_of_mismatches(self):
@@ -110,7 +120,7 @@ def _products(rows):
     return products.reshape(*rows.shape[:-1], -1)
 
 
-def two_views(x, y, side=None):
+def two_views(x, y, side=None, at_rest=None):
     """Put correspondences into one system.
 
     Parameters
@@ -119,13 +129,15 @@ def two_views(x, y, side=None):
         In working units.
     side : float, optional
         Of the tracks that motions were fitted to, where these are others.
+    at_rest : ndarray of shape (2,), optional
+        As of :class:`TwoViews`.
 
     Returns
     -------
     TwoViews
     """
     side = _side_of(x, y) if side is None else side
-    return TwoViews(homogeneous(x), homogeneous(y), side)
+    return TwoViews(homogeneous(x), homogeneous(y), side, at_rest)
 
 
 def _side_of(x, y):

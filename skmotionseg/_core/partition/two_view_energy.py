@@ -34,6 +34,8 @@ FEWEST_TRACKS = 4
 ROUNDS_OF_LABELS, ROUNDS = 4, 6
 # A cost that falls by less, in nats, is the least.
 SMALL_FALL = 0.05
+# Pixels, of an image of 640 x 480, that what rests is from its place at most.
+RESTING = 2.0
 
 
 class Scene(NamedTuple):

@@ -174,7 +174,10 @@ def two_view_partitions(geometry, counts, rng):
     TwoViewPartitions or None
         None if there are too few tracks, or if what they tell is not of such numbers.
     """
-    search = search_two_views(two_views(geometry.x, geometry.y), counts, rng)
+    first, second = geometry.frames.centres[geometry.frames.pairs[0]]
+    at_rest = (first - second) / geometry.frames.scale
+    views = two_views(geometry.x, geometry.y, at_rest=at_rest)
+    search = search_two_views(views, counts, rng)
     best = {} if search is None else best_by_number_of_motions(search)
 
     def explain(found):

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..geometry.two_views import fit_two_view_motions, log_student
 from .two_view_energy import (
+    RESTING,
     Scene,
     Segmentation,
     assign,
@@ -94,8 +95,8 @@ def search_two_views(views, counts, rng, n_begun=N_BEGUN, sweeps=SWEEPS):
     search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
     most = max(MOST_MOTIONS, int(counts[0]) + 1)
     fewest = int(counts[0]) if len(counts) > 1 else 0
-    for _ in range(n_begun):
-        search.find_one_by_one(most, fewest)
+    for first in [None] * n_begun + search.at_rest():
+        search.find_one_by_one(most, fewest, first)
     if not search.best:
         return None
     for count in range(max(search.best), 1, -1):
@@ -123,17 +124,35 @@ class _Search:
         self.best[count] = found
         return True
 
-    def find_one_by_one(self, most, fewest):
-        """Add the motion that explains most, until there is none or cost rises."""
+    def at_rest(self):
+        """The motion of what rests in the images, if there is that, beside others."""
+        views = self.scene.views
+        if views.at_rest is None:
+            return []
+        rests = views.moved <= RESTING
+        if min(rests.sum(), (~rests).sum()) < SAMPLE:
+            return []
+        return [fit_two_view_motions(views, rests[None].astype(float))]
+
+    def find_one_by_one(self, most, fewest, first=None):
+        """Add the motion that explains most, until there is none or cost rises.
+
+        Parameters
+        ----------
+        most, fewest : int
+            Numbers of motions.
+        first : TwoViewMotions, optional
+            What others are found beside.
+        """
         found, rises = None, 0
         while found is None or len(found.motions) < most:
-            motions = None if found is None else found.motions
+            motions = first if found is None else found.motions
             added, gains = self.propose(motions)
-            if found is not None and gains[0] < -HOPELESS:
+            if motions is not None and gains[0] < -HOPELESS:
                 break
-            more = added[:1] if found is None else motions + added[:1]
+            more = added[:1] if motions is None else motions + added[:1]
             after = settle(self.scene, more)
-            if after is None or (found and len(after.motions) <= len(motions)):
+            if after is None or (motions and len(after.motions) <= len(motions)):
                 break
             self.keep(after)
             rises = rises + 1 if found and after.cost > found.cost else 0

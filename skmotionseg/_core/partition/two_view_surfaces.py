@@ -14,11 +14,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..geometry.two_views import TwoViewMotions, cost_of_surfaces, fit_common_geometry
-from .two_view_energy import NATS_OF_MOTION, Scene, Segmentation
+from .two_view_energy import NATS_OF_MOTION, RESTING, Scene, Segmentation
 
 # Links between two surfaces from which on they meet: a quarter of those of a track. In
 # simulated pairs of images, things that move apart have next to none.
 FEWEST_LINKS = 0.25
+# How many times as far from its place what rests is, at most, as by its affine map; and
+# how many times as far what moves is, at least.
+AS_WELL, MOVES = 1.5, 4.0
 # Steps in which a common geometry is fitted.
 ROUNDS = 6
 
@@ -74,6 +77,8 @@ def with_fewer_motions(scene: Scene, found: Segmentation):
     """
     now = Surfaces(*found, np.arange(len(found.motions)))
     links = _links_between(scene, found)
+    if scene.views.at_rest is not None:
+        links = np.where(_one_rests(scene.views, found), -np.inf, links)
     joints: dict[bytes, _Joint] = {}
     while True:
         yield now
@@ -93,6 +98,25 @@ def _links_between(scene, found):
     """Links (S, S) between the tracks of each two surfaces."""
     of_surface = np.eye(len(found.motions) + 1)[found.labels]
     return (of_surface.T @ (scene.links @ of_surface))[:-1, :-1]
+
+
+def _one_rests(views, found):
+    """Whether one of each two surfaces (S, S) rests in the images, and one moves.
+
+    No motion of a camera gives both, but of a scene at infinity before a camera that
+    goes straight on. A surface rests if that explains its tracks as well as its affine
+    map does.
+    """
+    moved, apart = np.zeros((2, len(found.motions)))
+    for k, affine in enumerate(found.motions.affine):
+        tracks = np.flatnonzero(found.labels == k)
+        if len(tracks):
+            gaps = views.y[tracks, :2] - views.x[tracks] @ affine
+            moved[k] = np.median(views.moved[tracks])
+            apart[k] = np.median(np.hypot(*gaps.T)) / views.pixel
+    rests = (moved <= AS_WELL * apart) & (moved <= RESTING)
+    beside = rests & (moved[:, None] > MOVES * moved)
+    return beside | beside.T
 
 
 def _linked(links, motion_of, i, j):
