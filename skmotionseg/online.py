@@ -74,7 +74,8 @@ class OnlineMotionSegmenter(BaseEstimator):
         or two per track; all else depends only on what is in view.
     focal_length : float or None, default=None
         Focal length of the camera in pixels, if it is known. ``None`` means that it is
-        estimated. Lens distortion is estimated in any case.
+        estimated. Lens distortion is estimated in any case. Limits are those of
+        :class:`MotionSegmenter`.
     random_state : int, RandomState instance or None, default=None
         Drives the segmentations of the first frames, and where new motions are looked
         for.
@@ -189,6 +190,8 @@ class OnlineMotionSegmenter(BaseEstimator):
             If the points are not pairs of finite real numbers, or there is not one
             whole number for each, or one comes twice, or a parameter is not what it was
             in the first frame. Nothing has changed then.
+        KeyboardInterrupt
+            As ever; the frame then counts as taken in, and must not be given again.
         """
         points, ids = _checked_frame(points, track_ids)
         if not hasattr(self, "_stream"):

@@ -67,8 +67,10 @@ from ._utils.validation import (
     are_shares,
     check_estimator_parameters,
     forget_fit,
+    have_zeros_for_nan,
 )
 from ._utils.warning import warn_user
+from ._utils.words import counted
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
 from .model_selection import Fusing
@@ -165,7 +167,9 @@ estimator, default="description_length"
         Focal length of the camera in pixels, for rigid motions over windows of frames;
         the principal point is assumed to be the centre of the area that the tracks
         cover. ``None`` means that the focal length is estimated: of several common
-        ones, the one that explains the motions of the clip best.
+        ones, the one that explains the motions of the clip best. Beyond ten times the
+        larger side of this area, tracks show no perspective, so longer ones count as
+        that; shorter ones than a twentieth of it, as that.
     n_landmarks : int, "auto" or None, default="auto"
         Number of tracks that are fitted; each other track gets the label of the fitted
         tracks that are nearest in position and displacement. "auto" fits all tracks if
@@ -208,6 +212,8 @@ estimator, default="description_length"
         another motion nor none. The results in the documentation show how often labels
         of each level of confidence are correct on benchmarks.
     n_motions_ : int
+        Motions that have tracks; fewer than ``n_motions`` if all tracks of one are
+        outliers, which is warned of.
     background_ : int
         The label of the static scene: the motion whose tracks cover most of the border
         of the image, extend over most of the image and surround the other motions,
@@ -450,8 +456,9 @@ estimator, default="description_length"
         Warns
         -----
         UserWarning
-            If the tracks are not in pixels, if half of them are far from the motion
-            that they are assigned to, or if ``memory`` has no effect.
+            If the tracks are not in pixels, unseen points seem to be (0, 0), half of
+            the tracks are far from the motion that they are assigned to, fewer motions
+            are found than ``n_motions``, or ``memory`` has no effect.
         """
         models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
@@ -462,6 +469,11 @@ estimator, default="description_length"
                 f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "
                 "they are not pixels, in which noise is measured: if they are shares "
                 "of the image's size, multiply them by its width and height",
+            )
+        if have_zeros_for_nan(tracks):
+            warn_user(
+                "some tracks are at (0, 0) in some frames and elsewhere in others: if "
+                "they are not seen there, these points must be NaN",
             )
         self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:
@@ -511,6 +523,12 @@ estimator, default="description_length"
             )
         with clock.measure("placing"):
             self._keep(points, visibility, affinities, found)
+        if self.n_motions != "auto" and self.n_motions_ < self.n_motions:
+            warn_user(
+                f"n_motions={self.n_motions} was asked for, but only "
+                f"{counted(self.n_motions_, 'motion')} have tracks: all those of the "
+                "others are outliers",
+            )
         self.stage_seconds_ = clock.with_total()
         return self
 

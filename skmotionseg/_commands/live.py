@@ -252,6 +252,8 @@ def _print(console, arguments, segmenter, seconds):
         ("frames per second", f"{n_frames / seconds:.1f}"),
     ]
     console.print(facts_table(str(arguments.file), facts))
+    if not len(found.labels):
+        console.print("no point could be followed: there is too little texture")
     for name, path in (("labels", arguments.out), ("picture", arguments.render)):
         if path is not None:
             console.print(f"{name}: {path}")

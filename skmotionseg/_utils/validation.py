@@ -24,6 +24,8 @@ OF_A_FOLD = (
 )
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
+# Tracks from which on points of just (0, 0) are no coincidence, and share of all.
+FEWEST_AT_ZERO, SHARE_AT_ZERO = 3, 0.02
 # Fewer tracks than a fundamental matrix needs may be anything.
 FEWEST_TO_WARN = 8
 # Pixels beyond which a number is no place in an image.
@@ -121,6 +123,20 @@ def are_shares(points):
     """Whether coordinates can be no pixels: they seem to be shares of a size."""
     enough = len(points) >= FEWEST_TO_WARN
     return enough and 0 < farthest_from_zero(points) <= LARGEST_SHARE
+
+
+def have_zeros_for_nan(tracks):
+    """Whether unseen points seem to be (0, 0), as some tools write them.
+
+    Parameters
+    ----------
+    tracks : ndarray of shape (n_tracks, 2 * n_frames)
+        So it seems if several of them, and not very few, are just there at times.
+    """
+    there = (tracks[:, ::2] == 0) & (tracks[:, 1::2] == 0)
+    elsewhere = ~there & ~np.isnan(tracks[:, ::2])
+    at_times = there.any(axis=1) & elsewhere.any(axis=1)
+    return at_times.sum() >= max(FEWEST_AT_ZERO, SHARE_AT_ZERO * len(tracks))
 
 
 def check_farthest(points):

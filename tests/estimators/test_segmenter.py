@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -160,6 +162,36 @@ def test_a_focal_length_reaches_the_search_for_rigid_motions(monkeypatch):
     for focal_length in (600.0, None):
         MotionSegmenter(2, focal_length=focal_length, n_hypotheses=50).fit(X)
     assert given == [pytest.approx(600), None]
+
+
+@pytest.mark.parametrize("focal_length", [1e-300, 1e300])
+def test_a_focal_length_beyond_all_lenses_is_the_limit(focal_length):
+    X, y = make_rigid_motions(80, 6, 2, random_state=0)
+    found = MotionSegmenter(focal_length=focal_length, random_state=0).fit(X)
+    assert misclassification_error(y, found.labels_) == 0
+
+
+def test_zeros_where_nothing_is_seen_are_warned_of():
+    X, _ = make_rigid_motions(60, 6, 2, missing=0.1, random_state=0)
+    segmenter = MotionSegmenter(2, n_hypotheses=20, random_state=0)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        segmenter.fit(np.nan_to_num(X))
+    assert any("at (0, 0) in some frames" in str(each.message) for each in told)
+
+
+def test_motions_that_lose_all_tracks_are_warned_of():
+    """Fourteen points jump about, which are then a motion and outliers as well."""
+    rng = np.random.RandomState(0)
+    still = rng.rand(40, 1, 2) * [640, 480] + np.zeros((6, 1))
+    steps = np.arange(6)[:, None] * [8.0, 3.0]
+    moving = [150, 200] + rng.rand(15, 1, 2) * [120, 90] + steps
+    points = np.concatenate([still, moving, rng.rand(14, 6, 2) * [640, 480]])
+    points += 0.15 * rng.standard_normal(points.shape)
+    segmenter = MotionSegmenter(3, random_state=0)
+    with pytest.warns(UserWarning, match="=3 was asked for, but only 2 motions have"):
+        segmenter.fit(points.reshape(69, -1))
+    assert segmenter.n_motions_ == 2
 
 
 def room_and_car(seed, begins=0, speed=12.0):

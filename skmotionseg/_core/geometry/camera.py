@@ -24,6 +24,9 @@ LEAST_NOISE = 0.15
 # The focal length of a usual camera, as a share of the larger side of what tracks cover
 # (24 to 50 mm in front of 36 mm are 0.67 to 1.4; of phones and cars, 0.5 to 0.8).
 USUAL_FOCAL_LENGTH = 0.85
+# Least and greatest ones that differ from others: beyond, tracks show no perspective,
+# or nothing else, and numbers lose their digits.
+SHORTEST, LONGEST = 0.05, 10.0
 # Values under a root are at least this: beyond, a lens shows nothing.
 LEAST_ROOT = 0.05
 
@@ -31,6 +34,11 @@ LEAST_ROOT = 0.05
 def log_ratio(one, other=USUAL_FOCAL_LENGTH):
     """How far a focal length is from another, by default a usual one: 0 if the same."""
     return abs(np.log(one / other))
+
+
+def share_of_width(focal_length, width):
+    """A focal length that was given in pixels, in widths of what tracks cover."""
+    return float(np.clip(focal_length / width, SHORTEST, LONGEST))
 
 
 class Camera(NamedTuple):

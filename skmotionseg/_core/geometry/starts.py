@@ -90,7 +90,7 @@ def _two_frames(problems):
     batch = np.arange(len(reference))
     # The frame after the reference is in its place among the others.
     following = np.minimum(reference, n_others - 1)
-    far = np.where(reference <= (n_others + 1) // 2, n_others - 1, 0)
+    far = np.where(reference <= n_others // 2, n_others - 1, 0)
     few = np.minimum(6, (problems.weights > 0).sum(axis=1))
     for frame in (far, following):
         enough = problems.seen[frame, batch].sum(axis=1) >= few

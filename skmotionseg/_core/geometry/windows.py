@@ -559,9 +559,9 @@ class Windows:
 
 
 def at_all_distances(offsets, n):
-    """Positions of some points at all distances from a middle, to the sides.
+    """Positions of some points at all distances to the left and right of a middle.
 
-    So that a mirrored image has the same.
+    Along one axis alone, so that a mirrored image has the same.
 
     Parameters
     ----------

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import expit
 
-from ..geometry.camera import REFERENCE_WIDTH
+from ..geometry.camera import REFERENCE_WIDTH, share_of_width
 from ..geometry.description_length import clip_geometry
 from ..geometry.windows import FEWEST_SEEN, Windows, reaching_frames
 from ..graph.cuts import own_shares
@@ -338,7 +338,7 @@ def _by_rigid_motion(clip, counts, focal_length=None, starts=()):
     few = strongest(views[0], LINKS)
     of_few = ViewGraph.from_affinities(few[None], most)
 
-    share = focal_length and focal_length / windows.size
+    share = focal_length and share_of_width(focal_length, windows.size)
     search = RigidSearch(windows, affinity, few, share)
 
     def candidates(n_motions):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..geometry.camera import Camera
+from ..geometry.camera import Camera, share_of_width
 from ..geometry.windows import best_focal_length
 from .assignment import measure
 from .calibration import CameraEstimate
@@ -124,7 +124,11 @@ def calibrate(points, seen, rows, groups, focal_length=None):
             tried[share] = _seen_by(camera, points, seen, rows, groups)
         return tried[share].nats
 
-    share = best_focal_length(nats) if focal_length is None else focal_length / width
+    if focal_length is None:
+        share = best_focal_length(nats)
+    else:
+        share = share_of_width(focal_length, width)
+        focal_length = share * width
     nats(share)  # if it was given, it is the only one
     best, estimate = tried[share], CameraEstimate(width, focal_length)
     known = [k for k, fit in enumerate(best.fits) if fit]
