@@ -28,6 +28,18 @@ def test_what_is_at_infinity_is_told_from_what_is_near():
     assert infinitely_far(same, [np.ones((9, 2))] * 2) == 0
 
 
+def test_what_is_at_one_depth_may_be_at_infinity_by_another_focal_length():
+    """Of a scene before a camera that turns; one of parts that are spread is none."""
+    rng = np.random.RandomState(0)
+    near, far = rng.normal(5.4, 0.3, (30, 1)), rng.normal(0.68, 0.007, (100, 1))
+    spread = rng.normal(0.68, 0.1, (100, 1))
+    errors = [np.full_like(each, 0.015) for each in (near, far)]
+    assert infinitely_far([near, far], errors) > 1
+    assert infinitely_far([far, near], errors[::-1]) > 1
+    assert infinitely_far([near, spread], errors) < 0.1
+    assert infinitely_far([far[:50], far[50:]], [errors[1][:50]] * 2) == 0
+
+
 def test_windows_in_which_both_are_at_infinity_tell_nothing():
     rng = np.random.RandomState(0)
     depths = [rng.normal(mean, 0.1, (50, 1)) for mean in (1.0, 0.0)]

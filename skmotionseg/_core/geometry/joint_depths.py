@@ -9,6 +9,11 @@ from .windows import FEWEST_TRACKS
 
 # Standard deviations by which an inverse depth is no longer that of infinity.
 NEAR = 3.0
+# By a focal length that is not quite right, a camera that turns before what is far seems
+# to go along something at one depth: inverse depths that are spread by less than this
+# share of them, and less than that share of the nearer group's. Errors are then at
+# least so much of the latter.
+ONE_DEPTH, FAR, LEAST_ERROR = 0.05, 0.25, 0.1
 # The least spread and error of inverse depths, against division by zero.
 LEAST_SPREAD = 1e-9
 
@@ -45,19 +50,36 @@ def infinitely_far(depths, errors):
             least = np.maximum(error[known, window], LEAST_SPREAD)
             sides.append((side[known, window], least))
         weight = min(len(side) for side, _ in sides)
-        if weight >= FEWEST_TRACKS and max(map(_from_infinity, sides)) > NEAR:
+        if weight < FEWEST_TRACKS:
+            continue
+        sides = _by_any_focal_length(sides)
+        if max(map(_from_infinity, sides)) > NEAR:
             found.append(_far_in_window(*sides))
             weights.append(weight)
     return float(np.average(found, weights=weights)) if found else 0.0
 
 
+def _by_any_focal_length(sides):
+    """Inverse depths of two groups, and errors that leave the focal length open."""
+    medians = [np.median(np.abs(depths)) for depths, _ in sides]
+    far = int(np.argmin(medians))
+    nearest = max(medians)
+    at_one_depth = _spread(sides[far][0]) < ONE_DEPTH * medians[far]
+    if not at_one_depth or medians[far] >= FAR * nearest:
+        return sides
+    least = LEAST_ERROR * nearest
+    return [(depths, np.maximum(errors, least)) for depths, errors in sides]
+
+
+def _spread(depths):
+    """The standard deviation of inverse depths, by their median absolute deviation."""
+    return OF_MEDIAN * np.median(np.abs(depths - np.median(depths)))
+
+
 def _far_in_window(*sides):
     """What a window says of groups, each as inverse depths and their errors."""
     medians = [np.median(depths) for depths, _ in sides]
-    spread = sum(
-        OF_MEDIAN * np.median(np.abs(depths - median))
-        for (depths, _), median in zip(sides, medians, strict=True)
-    )
+    spread = sum(_spread(depths) for depths, _ in sides)
     gap = abs(medians[0] - medians[1]) / (spread + LEAST_SPREAD)
     farther = min(map(_from_infinity, sides))
     return np.log(max(gap, 1)) / (1 + farther)
