@@ -9,9 +9,9 @@ from .windows import FEWEST_TRACKS
 
 # Standard deviations by which an inverse depth is no longer that of infinity.
 NEAR = 3.0
-# By a focal length that is not quite right, a camera that turns before what is far seems
-# to go along something at one depth: inverse depths that are spread by less than this
-# share of them, and less than that share of the nearer group's. Errors are then at
+# By a focal length that is not quite right, a camera that turns before what is far
+# seems to go along something at one depth: inverse depths that are spread by less than
+# this share of them, and less than that share of the nearer group's. Errors are then at
 # least so much of the latter.
 ONE_DEPTH, FAR, LEAST_ERROR = 0.05, 0.25, 0.1
 # The least spread and error of inverse depths, against division by zero.
