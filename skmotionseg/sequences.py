@@ -41,7 +41,8 @@ class PerSequence(BaseEstimator):
     Wraps an estimator of one sequence so that :class:`~sklearn.model_selection.\
 GridSearchCV` can search the parameters with the lowest error over a *set* of sequences.
     Sequences are independent: :meth:`fit` only checks its input, and :meth:`predict`
-    segments each sequence separately with a clone of the estimator.
+    segments each sequence separately with a clone of the estimator. It returns a list
+    of label arrays, which ``cross_val_predict`` cannot join to one array.
 
     Parameters
     ----------
