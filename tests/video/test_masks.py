@@ -617,6 +617,21 @@ def test_frames_are_not_written_over(folder, tmp_path, capsys, options, words):
     assert [path.name for path in tmp_path.iterdir()] == ["frames"]
 
 
+@pytest.mark.parametrize("option", ["--masks", "--static-masks"])
+@pytest.mark.parametrize("picture", ["--render", "--report"])
+def test_pictures_are_not_written_among_masks(
+    folder, tmp_path, capsys, option, picture
+):
+    masks = tmp_path / "masks"
+    masks.mkdir()
+    options = [option, str(masks), picture, str(masks / "00000.png")]
+    assert main(["segment", str(folder), *options]) == 2
+    assert f"would be one of the {option[2:].replace('-', ' ')} in" in (
+        capsys.readouterr().err
+    )
+    assert not [*masks.iterdir()]
+
+
 def test_masks_of_tracks_without_a_video_are_refused(tmp_path, capsys):
     path = tmp_path / "tracks.npz"
     X = pack_tracks(np.random.default_rng(0).uniform(0, 90, (20, 6, 2)))
