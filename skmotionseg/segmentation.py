@@ -69,7 +69,7 @@ from ._utils.validation import (
     forget_fit,
     have_zeros_for_nan,
 )
-from ._utils.warning import warn_user
+from ._utils.warning import warn_of_unexplained, warn_user
 from ._utils.words import counted
 from .cluster import MultiModelSpectralClustering
 from .kernels import ORKKernel
@@ -460,10 +460,8 @@ estimator, default="description_length"
             the tracks are far from the motion that they are assigned to, fewer motions
             are found than ``n_motions``, or ``memory`` has no effect.
         """
-        models = self._check_parameters()
         check_cacheable(self.memory, self.random_state, "random_state")
-        forget_fit(self, OWN_STATE)
-        tracks = self._read_tracks(X, reset=True)
+        tracks, models = self._prepare(X)
         if are_shares(tracks):
             warn_user(
                 f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "
@@ -475,15 +473,45 @@ estimator, default="description_length"
                 "some tracks are at (0, 0) in some frames and elsewhere in others: if "
                 "they are not seen there, these points must be NaN",
             )
-        self._check_counts(len(tracks))
         if tracks.shape[1] > 2 * LONG_CLIP:
             clip = LongClip(tracks, self.frame_gap + 1)
             if clip.n_frames > LONG_CLIP:
                 return self._fit_in_windows(clip, tracks)
-        return self._fit_whole(*unpack_tracks(tracks), models)
+        unexplained = self._fit_whole(tracks, models)
+        if unexplained:
+            warn_of_unexplained(unexplained)
+        if self.n_motions != "auto" and self.n_motions_ < self.n_motions:
+            warn_user(
+                f"n_motions={self.n_motions} was asked for, but only "
+                f"{counted(self.n_motions_, 'motion')} have tracks: all those of the "
+                "others are outliers",
+            )
+        return self
 
-    def _fit_whole(self, points, visibility, models):
-        """Fit landmarks of all frames at once, and place the other tracks."""
+    def _fit_window(self, X):
+        """Fit a window of a longer clip, whose fit says what there is to warn of.
+
+        Returns
+        -------
+        unexplained : float
+            As of :class:`~skmotionseg._core.partition.search.PartitionSearch`.
+        """
+        return self._fit_whole(*self._prepare(X))
+
+    def _prepare(self, X):
+        """Checked tracks and motion models; nothing is left of an earlier fit."""
+        models = self._check_parameters()
+        forget_fit(self, OWN_STATE)
+        tracks = self._read_tracks(X, reset=True)
+        self._check_counts(len(tracks))
+        return tracks, models
+
+    def _fit_whole(self, tracks, models):
+        """Fit landmarks of all frames at once, and place the other tracks.
+
+        What is returned is as of :meth:`_fit_window`.
+        """
+        points, visibility = unpack_tracks(tracks)
         # The paper's rules take tracks as they are.
         self._shutter = find_shutter(points, visibility) if self._by_length else AT_ONCE
         self.readout_ = self._shutter.readout.copy()
@@ -515,22 +543,10 @@ estimator, default="description_length"
         clock.seconds["hypotheses"], clock.seconds["kernel"] = seconds.tolist()
         with clock.measure("clustering"):
             found = self._partition(*fitted, affinities, seeds, len(points))
-        if found.unexplained:
-            warn_user(
-                f"half of the tracks are {found.unexplained:.2g} pixels or more from "
-                "the motion that they are assigned to, so most of them may be wrong, "
-                "and so may labels and their probabilities",
-            )
         with clock.measure("placing"):
             self._keep(points, visibility, affinities, found)
-        if self.n_motions != "auto" and self.n_motions_ < self.n_motions:
-            warn_user(
-                f"n_motions={self.n_motions} was asked for, but only "
-                f"{counted(self.n_motions_, 'motion')} have tracks: all those of the "
-                "others are outliers",
-            )
         self.stage_seconds_ = clock.with_total()
-        return self
+        return found.unexplained
 
     def _unpack(self, tracks):
         """Points, as if the camera had read each frame at once, and visibility."""

@@ -22,7 +22,7 @@ from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.caching import as_memory, recall
 from .._utils.validation import TooFewTracksError
-from .._utils.warning import warn_user
+from .._utils.warning import warn_of_unexplained, warn_user
 
 # Frames above which a clip is taken in windows.
 LONG_CLIP = 100
@@ -178,6 +178,7 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     fits = _WindowFits(clip, segmenter, rng, report)
     found = fits.of(range(len(clip.parts)))
     _check_searched(found, clip.n_tracks)
+    _warn_if_unexplained(found)
     found = agreeing(found, fits.of, *fits.limits)
     joined = _joined(clip, found, fits.most)
     if fits.most is not None and joined.n_motions < fits.most:
@@ -311,6 +312,14 @@ def _check_searched(found, n_tracks):
         )
 
 
+def _warn_if_unexplained(found):
+    """Say if most tracks of most windows are far from their motions."""
+    searched = sorted(window.unexplained for window in found if _is_searched(window))
+    usual = searched[(len(searched) - 1) // 2]
+    if usual > 0:
+        warn_of_unexplained(usual, " of the usual window")
+
+
 def _is_searched(window):
     return window.n_motions > 0 or not np.isnan(window.surely)
 
@@ -327,18 +336,19 @@ def _for_windows(segmenter, most):
 
 
 def _segment(estimator, X, version):
-    """Labels, and how probable it is that there are no fewer motions, and that more.
+    """Labels, how probable no fewer motions and more are, and what is unexplained.
 
-    Both NaN if unknown. A window may have fewer tracks than the landmarks that are
-    asked for, and too few for any motion. The version says of what code they are, where
-    they are kept.
+    Probabilities are NaN if unknown. A window may have fewer tracks than the landmarks
+    that are asked for, and too few for any motion. The version says of what code they
+    are, where they are kept.
     """
     asked = estimator.n_landmarks
     if isinstance(asked, Integral) and int(asked) > len(X):
         estimator.set_params(n_landmarks=None)  # all of them
     try:
-        labels = estimator.fit(X).labels_
+        unexplained = estimator._fit_window(X)
     except TooFewTracksError:
         return np.full(len(X), -1), np.nan, np.nan
-    probabilities = estimator.count_probabilities_[estimator.best_index_ :]
-    return labels, float(probabilities.sum()), float(probabilities[1:].sum())
+    surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
+    more = estimator.count_probabilities_[estimator.best_index_ + 1 :].sum()
+    return estimator.labels_, float(surely), float(more), unexplained

@@ -19,3 +19,12 @@ def warn_user(message: str) -> None:
     while frame.f_back is not None and package_of(frame) in LIBRARIES:
         level, frame = level + 1, frame.f_back
     warnings.warn(message, stacklevel=level)
+
+
+def warn_of_unexplained(distance: float, of: str = "") -> None:
+    """Warn of tracks that are so many pixels from the motions that they have."""
+    warn_user(
+        f"half of the tracks{of} are {distance:.2g} pixels or more from the motion "
+        "that they are assigned to, so most of them may be wrong, and so may labels "
+        "and their probabilities"
+    )

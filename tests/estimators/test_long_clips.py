@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 
 from skmotionseg import MotionSegmenter, NCREModelSelector, pack_tracks
+from skmotionseg._core.stream.agreement import WindowMotions
 from skmotionseg._segmenter import long_clips
 from skmotionseg._utils.validation import TooFewTracksError
 from skmotionseg.datasets import make_rigid_motions
@@ -352,3 +354,27 @@ def test_windows_of_a_subclass_are_fitted_once(monkeypatch):
     segmenter = OfHalves(random_state=0).fit(X)
     assert segmenter.n_motions_ == 2
     assert_array_equal(np.hstack(fitted)[:, :60], 2 * X[:, :60])
+
+
+@pytest.mark.parametrize(
+    "unexplained, told", [((0, 53, 0), 0), ((0, 53), 0), ((9, 53, 0), 1), ((53,), 1)]
+)
+def test_a_poor_window_beside_better_ones_is_no_matter(unexplained, told):
+    one = WindowMotions(np.arange(3), np.zeros(3, dtype=int), 0.9)
+    few = WindowMotions(np.arange(1), np.full(1, -1), np.nan)  # not searched
+    found = [one._replace(unexplained=float(each)) for each in unexplained]
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        long_clips._warn_if_unexplained([few, *found, few])
+    assert len(heard) == told
+    assert all("half of the tracks of the usual window" in str(w) for w in heard)
+
+
+def test_windows_are_fitted_without_a_word():
+    """The clip's fit says what there is to say."""
+    X = pack_tracks(np.random.RandomState(0).uniform(0, 500, (30, 30, 2)))
+    estimator = MotionSegmenter(random_state=0)
+    labels, surely, more, unexplained = long_clips._segment(estimator, X, None)
+    assert len(labels) == 30
+    assert 0 <= more <= surely <= 1
+    assert unexplained > 50

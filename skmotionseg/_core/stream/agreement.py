@@ -33,12 +33,15 @@ class WindowMotions(NamedTuple):
         Probability that there are no fewer motions; NaN where it is not known.
     more : float
         Probability that there are more; NaN where it is not known.
+    unexplained : float
+        Pixels that half of the tracks are from their motions, if that is much; else 0.
     """
 
     tracks: np.ndarray
     labels: np.ndarray
     surely: float
     more: float = np.nan
+    unexplained: float = 0.0
 
     @property
     def n_motions(self):
