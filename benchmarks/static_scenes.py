@@ -3,15 +3,17 @@
     python -m benchmarks.static_scenes [--scenes 6] [--jobs 2] [--json FILE]
 
 Two images of a street, whose ground and houses have displacements that are continued
-by no common affine map; and a room before a camera that shakes and reads its frames row
-by row. A scene is right if each motion is found and fewer than one track in twenty is
-wrong.
+by no common affine map; a room before a camera that shakes and reads its frames row by
+row; and a scene before a camera that stands still or turns, where one rigid motion also
+explains what goes straight on. A scene is right if each motion is found and fewer than
+one track in twenty is wrong.
 """
 
 from __future__ import annotations
 
 import argparse
 import warnings
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,7 @@ from .measuring import show_progress
 
 # Pixels: of two images, and of a video.
 PAIR_SIZE, PAIR_FOCAL = np.array([640.0, 480.0]), 600.0
+TURNED_FOCAL = 550.0
 VIDEO_SIZE, VIDEO_FOCAL = np.array([1280.0, 720.0]), 1000.0
 # Of the tracks, in a scene that is right.
 MOST_WRONG = 0.05
@@ -129,9 +132,46 @@ def shaken(readout, *, n_tracks=150, n_moving=0, n_frames=24, shake=0.02, seed=0
         frames.append(image)
     tracks = np.stack(frames, axis=1)
     tracks += 0.2 * rng.standard_normal(tracks.shape)
-    inside = ((tracks >= 0) & (tracks < VIDEO_SIZE)).all(axis=2)
-    tracks[~inside] = np.nan
-    often = inside.sum(axis=1) >= 3
+    return _often_inside(tracks, y, VIDEO_SIZE)
+
+
+def turned(turn, *, n_tracks=100, n_moving=0, n_frames=12, step=0.1, seed=0):
+    """Tracks of a scene before a camera that only turns, and of what goes straight on.
+
+    Parameters
+    ----------
+    turn : float
+        Radians per frame; 0 before a camera that stands still.
+    n_tracks, n_moving : int
+    n_frames : int
+    step : float
+        By which the thing goes to the side, per frame, in a sixth of its distance.
+    seed : int
+
+    Returns
+    -------
+    X : ndarray of shape (n, 2 * n_frames)
+    y : ndarray of int, shape (n,)
+    """
+    rng = np.random.default_rng(seed)
+    scene = rng.uniform([-8, -5, 8], [8, 5, 20], (n_tracks, 3))
+    thing = rng.uniform(-1, 1, (n_moving, 3)) * [0.7, 0.5, 0.4] + [-1.5, 0.4, 6]
+    frames = []
+    for frame in range(n_frames):
+        points = np.concatenate([scene, thing + np.array([step * frame, 0, 0])])
+        seen = Rotation.from_rotvec([0, turn * frame, 0]).apply(points)
+        frames.append(_pixels(seen, TURNED_FOCAL, PAIR_SIZE))
+    tracks = np.stack(frames, axis=1)
+    tracks += 0.15 * rng.standard_normal(tracks.shape)
+    y = np.repeat([0, 1], [n_tracks, n_moving])
+    return _often_inside(tracks, y, PAIR_SIZE)
+
+
+def _often_inside(tracks, y, size):
+    """What such an image shows of tracks that it shows three times, or always."""
+    inside = ((tracks >= 0) & (tracks < size)).all(axis=2)
+    tracks = np.where(inside[..., None], tracks, np.nan)
+    often = inside.sum(axis=1) >= min(3, tracks.shape[1])
     return tracks[often].reshape(often.sum(), -1), y[often]
 
 
@@ -170,7 +210,22 @@ def scenes():
         f"room, shaken, read in {readout:g} frames": video(readout)
         for readout in (0, 0.35, 0.7)
     }
-    return pairs | videos
+    return pairs | videos | _of_straight_things()
+
+
+def _of_straight_things():
+    """Scenes before which a thing goes straight on, by name."""
+
+    def make(turn, n_moving, seed, **options):
+        return turned(turn, n_moving=n_moving, seed=seed, **options)
+
+    pairs = {
+        f"still camera, two images, {n} tracks": partial(
+            make, 0.0, n_tracks=n, n_frames=2, step=0.5
+        )
+        for n in (70, 400)
+    }
+    return pairs | {"camera that pans, 12 frames": partial(make, 0.01)}
 
 
 def judged(X, y, seed=0):
