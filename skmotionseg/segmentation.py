@@ -46,7 +46,7 @@ from ._segmenter.long_clips import (
 )
 from ._segmenter.memory import number_of_landmarks
 from ._segmenter.motions import motions_in_pixels
-from ._segmenter.reasons import label_reasons
+from ._segmenter.reasons import OUTLIER, label_reasons
 from ._segmenter.report import SegmentationReport, make_report, report_of_windows
 from ._segmenter.selection import SELECTIONS, make_selector, select_by_graph, set_counts
 from ._segmenter.views import (
@@ -480,11 +480,12 @@ estimator, default="description_length"
         unexplained = self._fit_whole(tracks, models)
         if unexplained:
             warn_of_unexplained(unexplained)
-        if self.n_motions != "auto" and self.n_motions_ < self.n_motions:
+        fewer = self.n_motions != "auto" and self.n_motions_ < self.n_motions
+        if fewer and (self.label_reasons_ == OUTLIER).any():
             warn_user(
-                f"n_motions={self.n_motions} was asked for, but only "
-                f"{counted(self.n_motions_, 'motion')} have tracks: all those of the "
-                "others are outliers",
+                f"n_motions={self.n_motions} was asked for, and "
+                f"{counted(self.n_motions_, 'motion')} found: all tracks of others are "
+                "outliers",
             )
         return self
 

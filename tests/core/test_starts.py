@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_allclose
 
 from skmotionseg._core.geometry.poses import images_of, rotations_of
 from skmotionseg._core.geometry.rigid_motion import observed
@@ -15,7 +14,6 @@ from skmotionseg._core.geometry.starts import (
     _around,
     _best_apart,
     _directions,
-    _two_frames,
     starting_motions,
 )
 
@@ -51,18 +49,6 @@ def test_the_best_directions_differ():
     assert_allclose(abs(best[0] @ [0.6, 0, 0.8]), 1 - scores.min())
     cosines = np.abs(best @ best.T)[np.triu_indices(3, 1)]
     assert cosines.max() < np.cos(np.radians(DEGREES_APART))
-
-
-@pytest.mark.parametrize("n_frames", [4, 6, 7, 12])
-def test_one_start_is_by_the_frame_that_is_farthest(n_frames):
-    x = np.random.RandomState(0).rand(n_frames, 9, n_frames, 2)
-    seen = np.ones(x.shape[:3], dtype=bool)
-    references = np.arange(n_frames)
-    problems = observed(x, seen, np.ones((n_frames, 9)), np.ones(n_frames), references)
-    (far, _), (following, _) = _two_frames(problems)
-    ahead, batch = problems.ahead[..., 0], np.arange(n_frames)
-    assert_array_equal(np.abs(ahead[far, batch]), np.abs(ahead).max(axis=0))
-    assert (np.abs(ahead[following, batch]) == 1).all()
 
 
 def test_driving_ahead_starts_near_the_truth_at_any_speed():

@@ -153,18 +153,16 @@ def test_windows_that_are_there_are_not_segmented_again(X, tmp_path, monkeypatch
     quick = {"selection": "ncre", "n_hypotheses": 50, "random_state": 0}
     quick["max_motions"] = 2
     segmenter = MotionSegmenter(**quick, memory=tmp_path)
-    done, segment = [], MotionSegmenter.fit
+    done, segment = [], MotionSegmenter._fit_window
 
-    def interrupted(self, X, y=None):
-        if X.shape[1] == tracks.shape[1]:
-            return segment(self, X)
+    def interrupted(self, X):
         if len(done) == 2:
             raise KeyboardInterrupt
         done.append(1)
         return segment(self, X)
 
     with monkeypatch.context() as patched:
-        patched.setattr(MotionSegmenter, "fit", interrupted)
+        patched.setattr(MotionSegmenter, "_fit_window", interrupted)
         with pytest.raises(KeyboardInterrupt):
             segmenter.fit(tracks)
     assert len(list(tmp_path.rglob("output.pkl"))) == 2

@@ -189,7 +189,7 @@ def test_motions_that_lose_all_tracks_are_warned_of():
     points = np.concatenate([still, moving, rng.rand(14, 6, 2) * [640, 480]])
     points += 0.15 * rng.standard_normal(points.shape)
     segmenter = MotionSegmenter(3, random_state=0)
-    with pytest.warns(UserWarning, match="=3 was asked for, but only 2 motions have"):
+    with pytest.warns(UserWarning, match="=3 was asked for, and 2 motions found"):
         segmenter.fit(points.reshape(69, -1))
     assert segmenter.n_motions_ == 2
 

@@ -85,12 +85,15 @@ def starting_motions(problems, repeated):
 
 
 def _two_frames(problems):
-    """The farthest frame of each problem, and the next; as places in (L, B)."""
+    """A far frame of each problem, and the next; as places in (L, B).
+
+    The last frame, or the first where the reference is past the middle.
+    """
     reference, n_others = problems.reference[:, 0], len(problems.x[0])
     batch = np.arange(len(reference))
     # The frame after the reference is in its place among the others.
     following = np.minimum(reference, n_others - 1)
-    far = np.where(reference <= n_others // 2, n_others - 1, 0)
+    far = np.where(reference <= (n_others + 1) // 2, n_others - 1, 0)
     few = np.minimum(6, (problems.weights > 0).sum(axis=1))
     for frame in (far, following):
         enough = problems.seen[frame, batch].sum(axis=1) >= few
