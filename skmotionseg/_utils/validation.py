@@ -26,6 +26,8 @@ OF_A_FOLD = (
 LARGEST_SHARE = 2
 # Tracks from which on points of just (0, 0) are no coincidence, and share of all.
 FEWEST_AT_ZERO, SHARE_AT_ZERO = 3, 0.02
+# Tracks that are looked at together.
+ROWS_A_BATCH = 1000
 # Fewer tracks than a fundamental matrix needs may be anything.
 FEWEST_TO_WARN = 8
 # Pixels beyond which a number is no place in an image.
@@ -133,10 +135,14 @@ def have_zeros_for_nan(tracks):
     tracks : ndarray of shape (n_tracks, 2 * n_frames)
         So it seems if several of them, and not very few, are just there at times.
     """
-    there = (tracks[:, ::2] == 0) & (tracks[:, 1::2] == 0)
-    elsewhere = ~there & ~np.isnan(tracks[:, ::2])
-    at_times = there.any(axis=1) & elsewhere.any(axis=1)
-    return at_times.sum() >= max(FEWEST_AT_ZERO, SHARE_AT_ZERO * len(tracks))
+    at_times = 0
+    for start in range(0, len(tracks), ROWS_A_BATCH):  # of long clips, no more fits
+        some = tracks[start : start + ROWS_A_BATCH]
+        x, y = some[:, ::2], some[:, 1::2]
+        there = (x == 0) & (y == 0)
+        elsewhere = ~there & ~np.isnan(x)
+        at_times += int((there.any(axis=1) & elsewhere.any(axis=1)).sum())
+    return at_times >= max(FEWEST_AT_ZERO, SHARE_AT_ZERO * len(tracks))
 
 
 def check_farthest(points):
