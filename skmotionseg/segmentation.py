@@ -460,8 +460,8 @@ estimator, default="description_length"
             the tracks are far from the motion that they are assigned to, fewer motions
             are found than ``n_motions``, or ``memory`` has no effect.
         """
-        check_cacheable(self.memory, self.random_state, "random_state")
         tracks, models = self._prepare(X)
+        check_cacheable(self.memory, self.random_state, "random_state")
         if are_shares(tracks):
             warn_user(
                 f"all coordinates are between -{LARGEST_SHARE} and {LARGEST_SHARE}, so "

@@ -349,6 +349,6 @@ def _segment(estimator, X, version):
         unexplained = estimator._fit_window(X)
     except TooFewTracksError:
         return np.full(len(X), -1), np.nan, np.nan
-    surely = estimator.count_probabilities_[estimator.best_index_ :].sum()
-    more = estimator.count_probabilities_[estimator.best_index_ + 1 :].sum()
-    return estimator.labels_, float(surely), float(more), unexplained
+    probabilities = estimator.count_probabilities_[estimator.best_index_ :]
+    surely, more = float(probabilities.sum()), float(probabilities[1:].sum())
+    return estimator.labels_, surely, more, unexplained

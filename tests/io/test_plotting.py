@@ -725,7 +725,7 @@ def test_of_several_metrics_the_one_of_the_refit_is_drawn(small):
     assert_allclose(display.errors.T.ravel(), 1 - score)
 
 
-def test_long_names_of_values_are_turned_and_do_not_overlap():
+def test_long_names_of_values_are_turned():
     names = ["description_length", "kernel_addition", "coregularization"]
     display = GridDisplay([[0.1, 0.2, 0.3]], names, [1]).plot()
     display.figure_.canvas.draw()

@@ -82,7 +82,7 @@ class TwoViews:
         """A pixel of an image of 640 x 480, in working units."""
         return self.side * PIXEL
 
-    @property
+    @cached_property
     def moved(self):
         """How far tracks go, in pixels of an image of 640 x 480; (n,)."""
         gone = (self.y - self.x)[..., :2] - np.asarray(self.at_rest)

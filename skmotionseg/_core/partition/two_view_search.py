@@ -95,7 +95,7 @@ def search_two_views(views, counts, rng, n_begun=N_BEGUN, sweeps=SWEEPS):
     search = _Search(two_view_scene(views, max(NEIGHBOURHOODS)), rng)
     most = max(MOST_MOTIONS, int(counts[0]) + 1)
     fewest = int(counts[0]) if len(counts) > 1 else 0
-    for first in [None] * n_begun + search.at_rest():
+    for first in [None] * n_begun + search.resting():
         search.find_one_by_one(most, fewest, first)
     if not search.best:
         return None
@@ -124,7 +124,7 @@ class _Search:
         self.best[count] = found
         return True
 
-    def at_rest(self):
+    def resting(self):
         """The motion of what rests in the images, if there is that, beside others."""
         views = self.scene.views
         if views.at_rest is None:
