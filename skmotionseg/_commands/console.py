@@ -130,6 +130,21 @@ def seconds_facts(seconds):
     return [(f"seconds {stage}", f"{each:.3f}") for stage, each in seconds.items()]
 
 
+def print_files(console, files):
+    """Print a line per file that was written: what is in it, and where it is.
+
+    Parameters
+    ----------
+    console : rich.console.Console
+    files : dict of str to path-like or None
+        None where no such file was asked for.
+    """
+    for content, path in files.items():
+        if path is not None:
+            # On one line, however long: paths are copied.
+            console.print(f"{content}: {path}", soft_wrap=True)
+
+
 def with_progress(items, total, description, console):
     """Pass items on under a progress bar, or, in a log file, a line every tenth."""
     with reporting(description, console) as report:

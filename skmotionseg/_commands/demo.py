@@ -11,6 +11,7 @@ from .console import (
     PICTURES,
     console_of_findings,
     facts_table,
+    print_files,
     progress_console,
     pyplot,
     save_figure,
@@ -67,7 +68,7 @@ def _demo(arguments):
         )
     )
     _draw_comparison(plt, X, y, segmenter.labels_, arguments.out)
-    console.print(f"picture: {arguments.out}")
+    print_files(console, {"picture": arguments.out})
 
 
 def _draw_comparison(plt, X, true, found, path):

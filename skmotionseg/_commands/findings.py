@@ -9,7 +9,7 @@ from .._segmenter.report import how_sure, pixels, window_lines
 from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .._utils.words import counted
-from .console import facts_table, seconds_facts, track_facts
+from .console import facts_table, print_files, seconds_facts, track_facts
 
 
 def print_findings(console, arguments, sequence, segmenter):
@@ -36,6 +36,8 @@ def print_findings(console, arguments, sequence, segmenter):
     if sequence.target is not None and (sequence.target >= 0).any():
         error = misclassification_error(sequence.target, labels)
         facts.append(("misclassification", f"{error:.2%}"))
+        # Which may be what an earlier run found, and wrote there.
+        facts.append(("taken as true", "labels in the file"))
     if sequence.objects is not None:
         facts.append(("moving objects", str(sequence.objects.max(initial=0))))
     facts += seconds_facts(sequence.seconds)
@@ -59,9 +61,7 @@ def print_findings(console, arguments, sequence, segmenter):
         "report": arguments.report,
         "motions": arguments.split_dir and _files_in(arguments.split_dir, sequence),
     }
-    for name, path in files.items():
-        if path is not None:
-            console.print(f"{name}: {path}")
+    print_files(console, files)
 
 
 def _files_in(folder, sequence):

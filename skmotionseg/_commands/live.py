@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from .._utils.writing import check_apart, check_output
-from .console import console_of_findings, facts_table
+from .console import console_of_findings, facts_table, print_files
 from .label_files import begin_observations, write_frame
 from .method_options import METHOD_OPTIONS, check_no_file_options, option_name
 from .video_tracks import open_video
@@ -254,6 +254,4 @@ def _print(console, arguments, segmenter, seconds):
     console.print(facts_table(str(arguments.file), facts))
     if not len(found.labels):
         console.print("no point could be followed: there is too little texture")
-    for name, path in (("labels", arguments.out), ("picture", arguments.render)):
-        if path is not None:
-            console.print(f"{name}: {path}")
+    print_files(console, {"labels": arguments.out, "picture": arguments.render})

@@ -7,7 +7,7 @@ import time
 from sklearn.utils import check_random_state
 
 from .._segmenter.long_clips import segment_in_windows
-from .console import facts_table, reporting
+from .console import facts_table, print_files, reporting
 from .label_files import write_labels_by_frame
 from .long_objects import find_objects_in_blocks
 from .mask_files import make_folders, wants_masks, warn_of_others, write_mask
@@ -53,8 +53,12 @@ def segment_stored(run, clip, frames):
         write_labels_by_frame(arguments.out, clip, found.labels, sure)
     facts.append(("seconds total", f"{time.perf_counter() - begun:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
-    if arguments.out is not None:
-        console.print(f"labels: {arguments.out}")
+    files = {
+        "labels": arguments.out,
+        "masks": arguments.masks,
+        "static masks": arguments.static_masks,
+    }
+    print_files(console, files)
 
 
 def _write_masks(arguments, frames, clip, labels, console):

@@ -155,6 +155,7 @@ def test_segment_prints_what_it_found(run, scene, scene_file):
     assert table["frames"] == "5"
     assert "chosen" not in printed  # there was nothing to choose
     assert table["misclassification"] == f"{misclassification_error(y, labels):.2%}"
+    assert table["taken as true"] == "labels in the file"
     for motion in range(3):
         n_tracks = (labels == motion).sum()
         row = rf"│ +{motion} │ +{n_tracks} │ +{n_tracks / len(X):.1%} │ +5 of 5 │ ● #"

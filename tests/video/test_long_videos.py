@@ -257,7 +257,9 @@ def test_a_killed_run_goes_on(file, table, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.slow
-def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatch):
+def test_masks_of_a_long_video_are_those_of_the_whole(
+    file, tmp_path, monkeypatch, capsys
+):
     written = {}
     for name, longest in (("whole", 500), ("blocks", 50)):
         monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", longest)
@@ -267,6 +269,9 @@ def test_masks_of_a_long_video_are_those_of_the_whole(file, tmp_path, monkeypatc
             if name == "blocks":
                 patched.setattr(StoredClip, "matrix", None)  # nothing of its size
             assert main(segment(file, *options)) == 0
+        printed = capsys.readouterr().out.splitlines()
+        contents = [line.split(": ")[0] for line in printed[-2:]]
+        assert contents == ["masks", "static masks"]
         written[name] = [
             [path.read_bytes() for path in sorted(folder.iterdir())]
             for folder in (masks, static)
