@@ -6,6 +6,7 @@ import time
 
 from sklearn.utils import check_random_state
 
+from .._core.partition.scene import ranked
 from .._segmenter.long_clips import segment_in_windows
 from .console import facts_table, print_files, reporting
 from .label_files import write_labels_by_frame
@@ -70,6 +71,7 @@ def _write_masks(arguments, frames, clip, labels, console):
         objects = find_objects_in_blocks(clip, labels, report)
     with reporting("what comes back", console) as report:
         objects = known_again(frames, clip.frames, objects, clip.size, report)
+    objects = ranked(objects, clip.times)
     make_folders(arguments)
     tracked, n_frames = clip.frames(), clip.n_frames
     with reporting("masks", console) as progress:

@@ -224,6 +224,8 @@ class StoredClip:
     ----------
     n_tracks, n_frames : int
         Tracks that are kept, and frames.
+    times : ndarray of int, shape (n_tracks,)
+        How many frames see each of them.
     rows : ndarray of int, shape (n_ids,)
         Which of them an id is; -1 of those that are too short.
     extent, parts
@@ -238,7 +240,7 @@ class StoredClip:
             times[ids] += 1
         kept = times >= shortest
         self.rows = np.where(kept, np.cumsum(kept) - 1, -1).astype(np.int32)
-        self.n_tracks = int(kept.sum())
+        self.n_tracks, self.times = int(kept.sum()), times[kept]
         corners = [
             corner
             for ids, points in stored.frames()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -46,6 +46,8 @@ MOST_PAST = 3.0
 MOST_LABELS = 255
 # Frames of a longer side are shrunk to it.
 MAX_SIDE = 480
+# A frame is shown twice if half of each motion's tracks stay within so many pixels.
+MOST_STILL = 0.05
 
 
 def dense_masks(
@@ -182,6 +184,35 @@ class _View:
         self.back_trust = flow_agreement(back, ahead)
 
 
+class _Neighbour(NamedTuple):
+    """A frame beside one that is painted.
+
+    Attributes
+    ----------
+    flow : ndarray of shape (height, width, 2)
+        To it.
+    trust, grey : ndarray of shape (height, width)
+        How far to believe the flow, and the frame itself.
+    labels : ndarray of int, shape (n,)
+        Of the tracks that both frames see.
+    points, steps : ndarray of shape (n, 2)
+        Where these are, and where they go, at the working size.
+    """
+
+    flow: np.ndarray
+    trust: np.ndarray
+    grey: np.ndarray
+    labels: np.ndarray
+    points: np.ndarray
+    steps: np.ndarray
+
+    def moves(self):
+        """Whether a motion does; none does where a frame is shown twice."""
+        lengths = np.linalg.norm(self.steps, axis=1)
+        moved = [np.median(lengths[self.labels == k]) for k in np.unique(self.labels)]
+        return max(moved, default=0.0) >= MOST_STILL
+
+
 class _Painter:
     """Probabilities of motions at the pixels of one frame after another.
 
@@ -238,18 +269,28 @@ class _Painter:
             )
         if self._grid is None:
             self._grid = ColourGrid(view.grey.shape)
+        view.colours = self._grid.colours(view.picture)
         seen, points = self._tracks_in(number)
         present = self._present(seen)
         labels = np.searchsorted(present, self._labels)  # of what is seen, at least
-        places, energy = self._place(points), gradient_energy(view.grey)
-        places = places + sample_field(texture_centres(energy), places)
-        counts = track_counts(places, labels[seen], len(present), view.grey.shape)
-        logs = self._flow_evidence(view, number, labels, len(present), energy)
-        hulls = track_hulls(places, labels[seen], len(present), view.grey.shape)
-        logs += distance_evidence(counts, hulls) + extent_evidence(counts, hulls)
-        walk = self._decide(view, logs, counts, present)
+        pairs = self._neighbours(view, number, labels)
+        if self._rests(pairs, present):
+            walk = self._carried(present)
+        else:
+            own = self._place(points), labels[seen]
+            walk = self._decide(view, pairs, own, present)
         self._last, self._last_walk, self._last_present = view, walk, present
         return present, walk
+
+    def _rests(self, pairs, present):
+        """Whether nothing has moved since the last frame, nor will until the next.
+
+        There is then nothing to tell motions by, and masks stay what they were.
+        """
+        if self._last is None or not np.isin(present, self._last_present).all():
+            return False
+        of_last = pairs[-1]
+        return len(of_last.labels) > 0 and not any(pair.moves() for pair in pairs)
 
     def _present(self, seen):
         """Labels (n,) with tracks that are seen, or pixels in the last frame."""
@@ -267,6 +308,11 @@ class _Painter:
         walk[new] = self._last_walk[old]
         return walk
 
+    def _carried(self, present):
+        """Probabilities in the last frame, where its flow takes them."""
+        known = self._of_last(present)
+        return np.stack([warp(part, self._last.back) for part in known])
+
     def _tracks_in(self, number):
         """Tracks that a frame sees, and where: of this frame, the last and the next."""
         while number not in self._near:
@@ -279,41 +325,77 @@ class _Painter:
         """Points at the working size."""
         return at_scale(points, self._scale)
 
-    def _flow_evidence(self, view, number, labels, n_labels, energy):
+    def _evidence(self, view, pairs, own, n_labels):
+        """Log odds of labels at the pixels by motion and place; tracks of each."""
+        (places, labels), shape = own, view.grey.shape
+        energy = gradient_energy(view.grey)
+        places = places + sample_field(texture_centres(energy), places)
+        counts = track_counts(places, labels, n_labels, shape)
+        hulls = track_hulls(places, labels, n_labels, shape)
+        logs = self._flow_evidence(view, pairs, n_labels, energy)
+        logs += distance_evidence(counts, hulls) + extent_evidence(counts, hulls)
+        return logs, counts
+
+    def _flow_evidence(self, view, pairs, n_labels, energy):
         """By the flows to the frames after and before, and by how these look there.
 
         Flow counts as the mean of both; a picture is explained by a motion if it is
         from one of both, as what is hidden in one can mostly be seen in the other.
         """
-        pairs = []
-        if view.ahead is not None:
-            pairs.append((view.ahead, view.ahead_trust, view.following, number + 1))
-        if self._last is not None:
-            last = self._last
-            pairs.append((last.back, last.back_trust, last.grey, number - 1))
         logs = np.zeros((n_labels, *view.grey.shape), dtype=np.float32)
         looks = np.full_like(logs, -np.inf)
         trust, grey = texture_trust(energy), view.grey.astype(np.float32)
-        for flow, agreement, other_grey, other in pairs:
-            (seen, here), (also, there) = map(self._tracks_in, (number, other))
-            rows, first, second = np.intersect1d(
-                seen, also, assume_unique=True, return_indices=True
-            )
-            points = self._place(here[first])
-            steps = self._place(there[second]) - points
-            fields = motion_fields(points, steps, labels[rows], n_labels, grey.shape)
-            logs += flow_evidence(flow, trust * agreement, fields) / len(pairs)
-            other_grey = other_grey.astype(np.float32)
+        for pair in pairs:
+            tracked = pair.points, pair.steps, pair.labels
+            fields = motion_fields(*tracked, n_labels, grey.shape)
+            logs += flow_evidence(pair.flow, trust * pair.trust, fields) / len(pairs)
+            other_grey = pair.grey.astype(np.float32)
             looks = np.maximum(looks, appearance(grey, other_grey, energy, fields))
         if pairs:
             looks = LOOK_WORTH * (looks - looks.max(axis=0))
             logs += np.maximum(looks, -MOST_LOOK)
         return logs
 
-    def _decide(self, view, logs, counts, present):
+    def _neighbours(self, view, number, labels):
+        """The frames after and before, or that of both in which anything has moved.
+
+        Where a frame is shown twice, the other of the two tells no motions apart, and
+        any of them explains how it looks.
+        """
+        pairs = []
+        if view.ahead is not None:
+            tracked = self._steps(number, number + 1, labels)
+            flow = view.ahead, view.ahead_trust, view.following
+            pairs.append(_Neighbour(*flow, *tracked))
+        if self._last is not None:
+            tracked = self._steps(number, number - 1, labels)
+            flow = self._last.back, self._last.back_trust, self._last.grey
+            pairs.append(_Neighbour(*flow, *tracked))
+        return [pair for pair in pairs if pair.moves()] or pairs
+
+    def _steps(self, number, other, labels):
+        """Of the tracks that two frames see: labels, places in the first, and steps."""
+        (seen, here), (also, there) = map(self._tracks_in, (number, other))
+        rows, first, second = np.intersect1d(
+            seen, also, assume_unique=True, return_indices=True
+        )
+        points = self._place(here[first])
+        return labels[rows], points, self._place(there[second]) - points
+
+    def _decide(self, view, pairs, own, present):
+        """Probabilities (n, height, width) by all evidence.
+
+        Parameters
+        ----------
+        view : _View
+        pairs : list of _Neighbour
+        own : tuple of ndarray
+            Places (n, 2) and labels (n,) of the tracks in the frame.
+        present : ndarray of int
+        """
+        logs, counts = self._evidence(view, pairs, own, len(present))
         across, down = edge_weights(view.picture, TIES, TIES_ACROSS_EDGES)
         seeds = TRACK_EVIDENCE * np.minimum(counts, 2)
-        view.colours = self._grid.colours(view.picture)
         cells = self._grid.cells(view.colours)
         if self._last is None:  # colours are learnt from a first walk without them
             walk = random_walk(
@@ -323,9 +405,9 @@ class _Painter:
                 colour = COLOUR_WEIGHT * self._grid.evidence(cells, walk, cells)
                 walk = random_walk(_drawn(logs + colour) + seeds, across, down, walk)
             return walk
-        last, flow = self._last, self._last.back
+        last = self._last
         known = self._of_last(present)
-        past = np.stack([warp(part, flow) for part in known])
+        past = self._carried(present)
         odds = np.log(past + 0.03)
         logs = logs + last.back_trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)

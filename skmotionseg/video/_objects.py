@@ -101,7 +101,7 @@ def find_objects(
         return objects
     seen = partial(tracks_by_frame, points, visibility)
     objects = known_again(frames, seen, objects, size, progress)
-    return ranked(objects, visibility)
+    return ranked(objects, visibility.sum(axis=1))
 
 
 def _by_shot(points, visibility, labels, size):
@@ -123,7 +123,7 @@ def _by_shot(points, visibility, labels, size):
         if each[1] - each[0] > 1:
             found = _things(points[here], visibility[here], own, size)
         objects[rows] = found + (found > 0) * max(objects.max(), 0)
-    return ranked(objects, visibility)
+    return ranked(objects, visibility.sum(axis=1))
 
 
 def _things(points, visibility, labels, size):

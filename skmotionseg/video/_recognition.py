@@ -138,16 +138,13 @@ def _joined(found, counts):
     ndarray of int, shape (n_things + 1,)
     """
     was, counts = np.arange(len(counts)), counts.copy()
-    gone, come = set(), set()
     for old, new in sorted(found, key=lambda pair: (-found[pair], pair)):
-        first, second = was[old], was[new]
-        if found[old, new] <= SURE or old in gone or new in come or first == second:
+        first, second = np.sort(was[[old, new]])
+        if found[old, new] <= SURE or first == second:
             continue
         if hardly_together(counts[first], counts[second]):
             was[was == second] = first
             counts[first] += counts[second]
-            gone.add(old)
-            come.add(new)
     return was
 
 

@@ -169,16 +169,27 @@ def moving_objects(points, visibility, labels, background):
         return objects
     joined = _joined(points, visibility, parts, n_parts, windows, moved, noise)
     objects = np.where(parts >= 0, joined[parts] + 1, objects)
-    objects = ranked(objects, visibility)
+    times = visibility.sum(axis=1)
+    objects = ranked(objects, times)
     was = reappeared(points, visibility, objects)
-    return ranked(np.where(objects > 0, was[objects], objects), visibility)
+    return ranked(np.where(objects > 0, was[objects], objects), times)
 
 
-def ranked(objects, visibility):
-    """The same with things numbered 1, 2, ..., those seen most often first."""
+def ranked(objects, times):
+    """The same with things numbered 1, 2, ..., those seen most often first.
+
+    Parameters
+    ----------
+    objects, times : ndarray of int, shape (n_tracks,)
+        The thing of each track, and how many frames see it.
+
+    Returns
+    -------
+    ndarray of int, shape (n_tracks,)
+    """
     things = objects > 0
     names, places = np.unique(objects[things], return_inverse=True)
-    sizes = np.bincount(places, visibility[things].sum(axis=1), len(names))
+    sizes = np.bincount(places, times[things], len(names))
     rank = np.empty(len(names), dtype=int)
     rank[np.argsort(-sizes, kind="stable")] = np.arange(1, len(names) + 1)
     ranked = objects.copy()
