@@ -11,11 +11,20 @@ import numpy.typing as npt
 from .._core.geometry.tracks import shots, tracks_by_frame, unpack_tracks
 from .._core.labels import canonical_labels
 from .._core.partition.moving_parts import moving_parts
-from .._core.partition.scene import background_motion, moving_objects, ranked
+from .._core.partition.scene import (
+    background_motion,
+    covered_share,
+    moving_objects,
+    ranked,
+)
 from .._utils.validation import check_frames, check_label_each
+from .._utils.warning import warn_user
 from ._checks import check_number
 from ._frames import Progress, Source, open_frames
 from ._recognition import known_again
+
+# A static scene whose tracks cover a smaller share of the picture may be none.
+SMALL_SCENE = 0.25
 
 
 def find_objects(
@@ -75,6 +84,11 @@ def find_objects(
     ImportError
         If there is a source and opencv-python-headless is missing.
 
+    Warns
+    -----
+    UserWarning
+        If the tracks of the scene cover less than a quarter of the picture.
+
     Examples
     --------
     >>> import numpy as np
@@ -97,6 +111,13 @@ def find_objects(
     frames = None if source is None else open_frames(source)
     size = width, height
     objects = _by_shot(points, visibility, labels, size)
+    static = objects == 0
+    if covered_share(points[static], visibility[static], size) < SMALL_SCENE:
+        warn_user(
+            f"what is taken for the static scene covers less than {SMALL_SCENE:.0%} of "
+            "the picture by its tracks: where a background is too plain to be tracked, "
+            "that may be something that moves before it"
+        )
     if frames is None:
         return objects
     seen = partial(tracks_by_frame, points, visibility)

@@ -53,6 +53,7 @@ def check_film(recipe):
     return "objects" if objects.max() > 0 else "no object"
 
 
+@pytest.mark.filterwarnings("ignore:what is taken for the static scene")
 @pytest.mark.parametrize(
     "piece", [None, *(pytest.param(p, marks=pytest.mark.long) for p in PIECES)]
 )

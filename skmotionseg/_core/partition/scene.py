@@ -123,6 +123,30 @@ def _enclosing(points, labels, hulls):
     return (shares - shares.T).sum(axis=1) / max(n - 1, 1)
 
 
+def covered_share(points, visibility, size):
+    """The share of the picture that the convex hull of tracks takes, in most frames.
+
+    Parameters
+    ----------
+    points : ndarray of shape (n_tracks, n_frames, 2)
+        Pixels; NaN where unseen.
+    visibility : ndarray of bool, shape (n_tracks, n_frames)
+    size : tuple of (width, height)
+        Of the picture, pixels.
+
+    Returns
+    -------
+    float
+        The median over frames.
+    """
+    hulls = [
+        _hull(points[visibility[:, frame], frame])
+        for frame in spread_frames(points.shape[1])
+    ]
+    areas = [hull.volume if hull else 0.0 for hull in hulls]
+    return float(np.median(areas) / np.prod(size))
+
+
 def _hull(points):
     """The convex hull of points (n, 2); None if it has no area."""
     try:
