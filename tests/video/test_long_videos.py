@@ -280,6 +280,25 @@ def test_masks_of_a_long_video_are_those_of_the_whole(
     assert written["whole"] == written["blocks"]
 
 
+@pytest.mark.slow
+def test_objects_that_became_one_leave_no_gap(file, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", 50)
+
+    def known_again(frames, tracked, things, *options):
+        return np.where(things > 0, things + 6, things)  # as if others were these
+
+    monkeypatch.setattr("skmotionseg.video._recognition.known_again", known_again)
+    options = ("--masks", tmp_path / "masks", "--max-frames", 60)
+    assert main(segment(file, *options)) == 0
+    row = [line for line in capsys.readouterr().out.splitlines() if "objects" in line]
+    assert row[0].strip("│ ").split() == ["moving", "objects", "│", "1"]
+    masks = [
+        cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
+        for path in (tmp_path / "masks").iterdir()
+    ]
+    assert len(np.unique(masks)) == 2
+
+
 def test_another_video_in_the_same_place_is_refused(frames, tmp_path, capsys):
     film = tmp_path / "film"
     film.mkdir()

@@ -159,6 +159,33 @@ def test_frames_without_tracks_go_on_as_before(frames, tracked):
         assert region_similarity(inside(frame), masks[frame] == 1) > 0.6
 
 
+def test_frames_that_are_shown_twice_have_the_mask_of_one(frames, tracked):
+    X, labels = tracked
+    points = X.reshape(len(X), -1, 2)
+    twice = np.repeat(np.arange(N_FRAMES), 2)
+    masks = list(
+        dense_masks(
+            [frames[f] for f in twice], points[:, twice].reshape(len(X), -1), labels
+        )
+    )
+    for frame, mask in zip(twice[1:], masks[1:], strict=True):
+        assert region_similarity(inside(frame), mask == 1) > 0.85
+
+
+def test_what_stops_keeps_its_mask(frames, tracked):
+    X, labels = tracked
+    rng = np.random.default_rng(0)
+    held = np.append(np.arange(N_FRAMES), np.full(15, N_FRAMES - 1))
+    noisy = [
+        (frames[f] + rng.normal(0, 3, frames[f].shape)).clip(0, 255).astype(np.uint8)
+        for f in held
+    ]
+    points = X.reshape(len(X), -1, 2)[:, held]
+    points += rng.normal(0, 0.02, points.shape)
+    masks = list(dense_masks(noisy, points.reshape(len(X), -1), labels))
+    assert region_similarity(masks[N_FRAMES - 1] == 1, masks[-1] == 1) > 0.95
+
+
 def test_a_motion_that_comes_late_does_not_change_what_was_before(frames, tracked):
     X, labels = tracked
     late = X[labels == 1] + 1

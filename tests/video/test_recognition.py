@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -111,6 +112,17 @@ def test_each_of_two_is_known_and_so_is_what_comes_a_third_time():
     visits = [(0, 24, 0, 8), (0, 24, 1, 64), (50, 74, 1, 8), (55, 79, 0, 64)]
     film = Film(125, [*visits, (100, 124, 0, 8)])
     assert film.known_again() == [1, 2, 2, 1, 1]
+
+
+@pytest.mark.parametrize("scores", permutations([5.0, 6.0, 7.0]))
+def test_whichever_two_are_likeliest_all_three_are_one(scores):
+    pairs = [(1, 2), (1, 3), (2, 3)]
+    found = dict(zip(pairs, scores, strict=True))
+    visits = 9 * np.eye(3, dtype=int)  # one after the other
+    counts = np.concatenate([np.zeros((1, 3), dtype=int), visits])
+    assert_array_equal(recognition._joined(found, counts), [0, 1, 1, 1])
+    found[1, 3] = -20.0  # it is known by what it was in between
+    assert_array_equal(recognition._joined(found, counts), [0, 1, 1, 1])
 
 
 def test_what_looks_the_same_but_is_seen_together_is_two():
