@@ -122,8 +122,8 @@ def add_segment(commands):
         "segment",
         help="segment a track file or a video",
         description="Segment the tracks of a .npz, .npy, .mat, .csv or .dat file, or "
-        "track and segment a video (.mp4, .avi, .mov, .mkv) or a folder of frames "
-        "(.png, .jpg).",
+        "track and segment a video (.mp4, .mov, .avi, .mkv, .webm) or a folder of "
+        "frames (.png, .jpg).",
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     for name, options in OPTIONS.items():

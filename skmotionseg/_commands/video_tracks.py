@@ -31,9 +31,8 @@ FEWEST_TRACKS = 4
 
 def open_video(source, stride):
     """The frames of a video, or of a camera, that are to be read."""
-    # What OpenCV and FFmpeg print of a damaged video, the error says in one line; what
-    # they print of codecs that are missing is no news. Later, they would not heed it.
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    # What OpenCV prints of a damaged video, the error says in one line. Once it has
+    # been imported, it would not heed this.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     return open_frames(source, cameras=True).every(stride)
 
@@ -131,16 +130,17 @@ def track_to(folder, arguments, frames, console):
 
 
 def _settings(arguments, frames):
-    """What the tracks depend on."""
+    """What the tracks depend on; of those that differ, the first is named."""
     path = arguments.file.resolve()
     files = [path] if frames.names is None else [path / n for n in frames.names]
     return {
         "file": str(path),
-        "content": None if arguments.resume is None else _content(files),
         "grid": arguments.grid,
         "stride": arguments.stride,
         "max-frames": arguments.max_frames,
         "max-side": arguments.max_side,
+        # Of the frames that are used, which depends on the stride.
+        "content": None if arguments.resume is None else _content(files),
         "version": __version__,
     }
 

@@ -212,7 +212,8 @@ def _reader(path, layout, image_size, visible_above):
     if ending not in readers:
         raise ValueError(
             f"track files end in .npz, .npy, .mat or .csv; got {path.name!r} (the .dat "
-            "of MoSeg is read, too)"
+            "of MoSeg is read, too; of videos, .mp4, .m4v, .mov, .avi, .mkv and .webm "
+            "can be tracked)"
         )
     for name, value in options.items():
         if value is not None and name not in OPTIONS.get(ending, ()):

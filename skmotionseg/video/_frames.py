@@ -26,7 +26,10 @@ Progress: TypeAlias = Callable[[int, int | None], object]
 
 # Optical flow needs pictures of this many pixels per side.
 SMALLEST_SIDE = 16
-VIDEO_ENDINGS = (".mp4", ".avi", ".mov", ".mkv")
+VIDEO_ENDINGS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
+# Those that do not say how many frames they have: OpenCV takes how long they last, with
+# their sound, times the rate.
+UNCOUNTED = (".mkv", ".webm")
 PICTURE_ENDINGS = (".png", ".jpg", ".jpeg")
 # Of a frame: twice those of 8K. A few bytes may claim more, and OpenCV believe them.
 MOST_PIXELS = 2**26
@@ -195,12 +198,13 @@ def _open_video(path):
     ]
     capture.release()
     _check_size(path, *map(int, size))
-    n_announced = int(count) if math.isfinite(count) and count > 0 else None
+    n_expected = int(count) if math.isfinite(count) and count > 0 else None
+    is_counted = path.suffix.lower() not in UNCOUNTED
     return Frames(
         str(path),
-        lambda: _read_video(path, n_announced),
+        lambda: _read_video(path, n_expected, is_counted),
         fps=fps if math.isfinite(fps) and fps > 0 else None,
-        n_announced=n_announced,
+        n_announced=n_expected if is_counted else None,
     )
 
 
@@ -213,8 +217,18 @@ def _check_size(path, width, height):
         )
 
 
+def silence_codecs():
+    """Print nothing of what FFmpeg says of videos, unless the user has asked for it.
+
+    Codecs that are missing are no news, and errors are told in one line. It heeds this
+    only before it is first used.
+    """
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+
+
 def _capture(path):
     cv2 = require("cv2", extra="video")
+    silence_codecs()
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         raise ValueError(
@@ -224,7 +238,7 @@ def _capture(path):
     return capture
 
 
-def _read_video(path, n_announced):
+def _read_video(path, n_expected, is_counted):
     capture = _capture(path)
     n_read = 0
     try:
@@ -237,13 +251,20 @@ def _read_video(path, n_announced):
             del frame
     finally:
         capture.release()
-    if n_announced is not None and n_read < n_announced:
+    if n_expected is not None and n_read < n_expected:
         if n_read == 0:
-            raise ValueError(f"none of the {n_announced} frames of {path} can be read")
-        warn_user(
-            f"{path} is cut short or damaged: {n_read} of {n_announced} frames could "
-            "be read",
-        )
+            raise ValueError(f"none of the {n_expected} frames of {path} can be read")
+        if is_counted:
+            warn_user(
+                f"{path} is cut short or damaged: {n_read} of {n_expected} frames "
+                "could be read"
+            )
+        elif n_read < n_expected - 1:  # which is rounded
+            warn_user(
+                f"{n_read} frames of {path} were read, and it lasts as long as "
+                f"{n_expected}: its sound may be longer than its pictures, or its rate "
+                "vary; or it is cut short"
+            )
 
 
 # ---------------------------------------------------------------------------- cameras

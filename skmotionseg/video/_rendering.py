@@ -17,7 +17,7 @@ from .._utils.optional import require
 from .._utils.validation import check_frames, check_label_each
 from .._utils.writing import check_output, replacing_path
 from ._checks import check_fps, check_number, make_reporter
-from ._frames import Progress, Source, first_frames, open_frames
+from ._frames import Progress, Source, first_frames, open_frames, silence_codecs
 from ._pixels import at_scale
 
 # Frames per second of a rendered clip whose source does not say.
@@ -282,7 +282,7 @@ def _write_video(pictures, path, fps):
 def _open_writer(writer, path, fps, size):
     """Open a writer with the first codec that this build of OpenCV can write."""
     cv2 = require("cv2", extra="video")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    silence_codecs()
     logging = getattr(cv2.utils, "logging", cv2)  # 4.8 has them in cv2
     level = logging.getLogLevel()
     logging.setLogLevel(SILENT)  # a missing codec is no news

@@ -129,8 +129,8 @@ def track_video(
     Parameters
     ----------
     source : path or iterable of arrays
-        A video file (.mp4, .avi, .mov, .mkv), a folder of frames (.png, .jpg, in the
-        order of the numbers in their names), or frames as uint8 arrays of shape
+        A video file (.mp4, .mov, .avi, .mkv, .webm), a folder of frames (.png, .jpg, in
+        the order of the numbers in their names), or frames as uint8 arrays of shape
         (height, width) or (height, width, 3), blue first.
     grid_spacing : int, optional
         Side of the square cells, pixels. By default 8, or less, down to 5, in frames of

@@ -328,7 +328,14 @@ def test_no_more_than_three_frames_are_held(panned):
 
 @pytest.mark.parametrize(
     "ending, codec",
-    [(".mp4", "mp4v"), (".avi", "MJPG"), (".mov", "mp4v"), (".mkv", "MJPG")],
+    [
+        (".mp4", "mp4v"),
+        (".m4v", "mp4v"),
+        (".mov", "mp4v"),
+        (".avi", "MJPG"),
+        (".mkv", "MJPG"),
+        (".webm", "VP80"),
+    ],
 )
 def test_videos_of_each_kind(panned, tmp_path, ending, codec):
     path = write_video(tmp_path / f"clip{ending}", panned, codec)
@@ -336,6 +343,16 @@ def test_videos_of_each_kind(panned, tmp_path, ending, codec):
     assert result.n_frames == N_FRAMES
     assert result.fps == pytest.approx(12.5)
     np.testing.assert_allclose(np.median(steps(result.tracks), axis=0), PAN, atol=0.1)
+
+
+def test_a_video_that_counts_no_frames_is_not_called_damaged(panned, tmp_path):
+    whole = write_video(tmp_path / "clip.mkv", panned, "MJPG")
+    assert open_frames(whole).n_announced is None
+    content = whole.read_bytes()
+    whole.write_bytes(content[: len(content) * 2 // 3])
+    with pytest.warns(UserWarning, match=rf"it lasts as long as {N_FRAMES}: its sound"):
+        n_read = len(list(open_frames(whole)))
+    assert 1 < n_read < N_FRAMES - 1
 
 
 def write_folder(folder, frames, ending=".png"):
@@ -428,7 +445,8 @@ def bad_sources(tmp_path, frames):
         f"none of the {N_FRAMES} frames of .*zeros.avi can be read": (
             tmp_path / "zeros.avi"
         ),
-        "videos end in .mp4, .avi, .mov, .mkv; got 'notes.txt'": tmp_path / "notes.txt",
+        "videos end in .mp4, .m4v, .mov, .avi, .mkv, .webm; got 'notes.txt'": tmp_path
+        / "notes.txt",
         "no frames .* are in the folder": tmp_path / "nothing",
         "first is 160 x 120 pixels and frame 3 is 160 x 118": uneven,
         "frame1.png is not a picture": broken,
