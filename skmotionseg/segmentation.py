@@ -207,10 +207,11 @@ estimator, default="description_length"
         Confidence of each label, from 0 to 1: the share of a track's affinities that
         belongs to tracks of its own motion, averaged over the models. If the number of
         motions was not given, this is multiplied by the probability that the motion is
-        a separate one (``log_odds_``). Tracks labelled -1 have the value 0. Between two
-        images, it is the probability that a track follows its motion, and neither
-        another motion nor none. The results in the documentation show how often labels
-        of each level of confidence are correct on benchmarks.
+        a separate one (``log_odds_``). Tracks labelled -1 have the value 0, as have the
+        few whose affinities belong to other motions alone. Between two images, it is
+        the probability that a track follows its motion, and neither another motion nor
+        none. The results in the documentation show how often labels of each level of
+        confidence are correct on benchmarks.
     n_motions_ : int
         Motions that have tracks; fewer than ``n_motions`` if all tracks of one are
         outliers, which is warned of.
