@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -46,8 +47,9 @@ MOST_PAST = 3.0
 MOST_LABELS = 255
 # Frames of a longer side are shrunk to it.
 MAX_SIDE = 480
-# A frame is shown twice if half of each motion's tracks stay within so many pixels.
-MOST_STILL = 0.05
+# Nothing moves from one frame to the next if half of each motion's tracks stay within
+# so many pixels; nor has it since the first, if within so many.
+MOST_STILL, MOST_SINCE_FIRST = 0.05, 0.25
 
 
 def dense_masks(
@@ -68,7 +70,8 @@ def dense_masks(
     it more likely belongs to the motion that has more tracks. A random walker weighs
     all this, and lets masks end where the picture has edges.
 
-    Frames are read one at a time and no more than three are held.
+    Frames are read one at a time and no more than three are held. Those before anything
+    moves all have the mask of the last of them, by what moves then.
 
     Parameters
     ----------
@@ -154,19 +157,29 @@ def paint_masks(source, n_frames, tracked, labels, max_side=MAX_SIDE, progress=N
     names, known = np.unique(labels[labels >= 0]), labels >= 0
     tracked = ((rows[known[rows]], points[known[rows]]) for rows, points in tracked)
     painter = _Painter(tracked, np.searchsorted(names, labels), max_side)
-    return _paint(painter, first_frames(frames, n_frames, report), names)
+    shown = first_frames(frames, n_frames, report)
+    return _paint(painter, shown, n_frames, names)
 
 
-def _paint(painter, frames, names):
-    """Masks of frames, each once the one after it has been read."""
-    current, number = next(frames), 0
-    view = painter.look(current)
+def _paint(painter, frames, n_frames, names):
+    """Masks of frames, each once the one after it has been read.
+
+    Those before anything moves have the mask of the last of these.
+    """
+    current = next(frames)
+    view, number = painter.look(current), painter.last_at_rest(n_frames)
+    if number:
+        current = next(islice(frames, number - 1, None))
+        view = painter.look(current)
+    n_alike = number + 1
     while current is not None:
         following = next(frames, None)
         next_view = None if following is None else painter.look(following)
         present, walk = painter.paint(view, next_view, number)
-        yield names[present][_enlarged(walk, current)].astype(np.uint8)
-        current, view, number = following, next_view, number + 1
+        mask = names[present][_enlarged(walk, current)].astype(np.uint8)
+        for _ in range(n_alike):
+            yield mask.copy()
+        current, view, number, n_alike = following, next_view, number + 1, 1
 
 
 class _View:
@@ -208,9 +221,14 @@ class _Neighbour(NamedTuple):
 
     def moves(self):
         """Whether a motion does; none does where a frame is shown twice."""
-        lengths = np.linalg.norm(self.steps, axis=1)
-        moved = [np.median(lengths[self.labels == k]) for k in np.unique(self.labels)]
-        return max(moved, default=0.0) >= MOST_STILL
+        return largest_movement(self.labels, self.steps) >= MOST_STILL
+
+
+def largest_movement(labels, steps):
+    """The largest of the motions' medians of lengths of steps (n, 2); 0 if none is."""
+    lengths = np.linalg.norm(steps, axis=1)
+    moved = [np.median(lengths[labels == label]) for label in np.unique(labels)]
+    return max(moved, default=0.0)
 
 
 class _Painter:
@@ -251,6 +269,24 @@ class _Painter:
             frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
         self._scale = np.divide(frame.shape[1::-1], (width, height))
         return _View(frame, cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
+
+    def last_at_rest(self, n_frames):
+        """The last frame before which nothing has moved, and that has one after it."""
+        first = self._tracks_in(0)
+        for number in range(1, n_frames):
+            now = self._tracks_in(number)
+            since_first, step = (
+                self._movement(before, now)
+                for before in (first, self._tracks_in(number - 1))
+            )
+            if not (step < MOST_STILL and since_first < MOST_SINCE_FIRST):
+                return number - 1
+        return max(n_frames - 2, 0)
+
+    def _movement(self, before, now):
+        """Pixels that the tracks of some motion move by; infinity if none is seen."""
+        labels, _, steps = self._steps_between(before, now, self._labels)
+        return largest_movement(labels, steps) if len(labels) else np.inf
 
     def paint(self, view, following, number):
         """Labels in the frame of that number, and their probabilities.
@@ -375,7 +411,12 @@ class _Painter:
 
     def _steps(self, number, other, labels):
         """Of the tracks that two frames see: labels, places in the first, and steps."""
-        (seen, here), (also, there) = map(self._tracks_in, (number, other))
+        one, another = self._tracks_in(number), self._tracks_in(other)
+        return self._steps_between(one, another, labels)
+
+    def _steps_between(self, one, another, labels):
+        """As of :meth:`_steps`, of the tracks, and where they are, in two frames."""
+        (seen, here), (also, there) = one, another
         rows, first, second = np.intersect1d(
             seen, also, assume_unique=True, return_indices=True
         )

@@ -51,6 +51,8 @@ from skmotionseg.video._random_walk import edge_weights, random_walk
 cv2 = pytest.importorskip("cv2", reason="needs opencv-python-headless")
 
 WIDTH, HEIGHT, N_FRAMES = 160, 120, 10
+# In which nothing moves, where a film begins so.
+N_RESTING = 8
 
 
 def textured(seed, size):
@@ -170,6 +172,44 @@ def test_frames_that_are_shown_twice_have_the_mask_of_one(frames, tracked):
     )
     for frame, mask in zip(twice[1:], masks[1:], strict=True):
         assert region_similarity(inside(frame), mask == 1) > 0.85
+
+
+@pytest.fixture(scope="module")
+def starting(frames, tracked):
+    """Noisy frames, and tracks, of what rests in the first ones."""
+    X, labels = tracked
+    rng = np.random.default_rng(0)
+    held = np.append(np.zeros(N_RESTING, dtype=int), np.arange(1, N_FRAMES))
+    noisy = [
+        (frames[f] + rng.normal(0, 3, frames[f].shape)).clip(0, 255).astype(np.uint8)
+        for f in held
+    ]
+    points = X.reshape(len(X), -1, 2)[:, held]
+    points += rng.normal(0, 0.02, points.shape)
+    return noisy, points.reshape(len(X), -1), labels
+
+
+def test_what_rests_at_first_has_the_mask_that_its_movement_shows(starting):
+    masks = list(dense_masks(*starting))
+    assert len(masks) == N_RESTING + N_FRAMES - 1
+    for mask in masks[:N_RESTING]:
+        assert region_similarity(inside(0), mask == 1) > 0.9
+    masks[0][:] = 9
+    assert not (masks[1] == 9).any()  # each is an array of its own
+
+
+def test_frames_that_end_while_all_rests_are_too_few(starting):
+    frames, X, labels = starting
+    with pytest.raises(ValueError, match="frames, but the arrays 4"):
+        list(dense_masks(frames[:4], X, labels))
+
+
+def test_a_film_in_which_nothing_moves_has_a_mask_per_frame(starting):
+    frames, X, labels = starting
+    first = X[:, : 2 * N_RESTING]
+    masks = list(dense_masks(frames[:N_RESTING], first, labels))
+    assert len(masks) == N_RESTING
+    assert region_similarity(inside(0), masks[0] == 1) > 0.6
 
 
 def test_what_stops_keeps_its_mask(frames, tracked):
