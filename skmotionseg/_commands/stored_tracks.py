@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from .._core.geometry.tracks import covered, pack_tracks
+from .._core.geometry.tracks import covered, first_after_cuts, pack_tracks
 from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
 from .._segmenter.long_clips import extent_of
 from .._utils.writing import replacing
@@ -228,17 +228,21 @@ class StoredClip:
         How many frames see each of them.
     rows : ndarray of int, shape (n_ids,)
         Which of them an id is; -1 of those that are too short.
-    extent, parts
+    extent, parts, cuts
         As of :class:`~skmotionseg._segmenter.long_clips.LongClip`.
     """
 
     def __init__(self, stored, shortest):
         self._stored, self.n_frames = stored, stored.n_frames
         state = stored.state
-        times = np.zeros(0 if state is None else state.n_born, dtype=np.int32)
-        for ids, _ in stored.frames():
+        n_born = 0 if state is None else state.n_born
+        times, first, last = np.zeros((3, n_born), dtype=np.int32)
+        for number, (ids, _) in enumerate(stored.frames()):
+            first[ids[times[ids] == 0]] = number
+            last[ids] = number
             times[ids] += 1
         kept = times >= shortest
+        self.cuts = first_after_cuts(first[kept], last[kept], stored.n_frames)
         self.rows = np.where(kept, np.cumsum(kept) - 1, -1).astype(np.int32)
         self.n_tracks, self.times = int(kept.sum()), times[kept]
         corners = [

@@ -13,6 +13,7 @@ from .._core.geometry.tracks import (
     covered,
     non_empty_frames,
     pack_tracks,
+    shots,
     unpack_tracks,
 )
 from .._core.labels import canonical_labels
@@ -88,6 +89,8 @@ class LongClip:
         Of what the tracks cover, pixels.
     parts : list of Part
         Its windows, in its frames.
+    cuts : list of int
+        The first of its frames after each cut.
     """
 
     def __init__(self, X, fewest):
@@ -103,7 +106,9 @@ class LongClip:
         self.length = visibility.shape[1]
         self.extent = extent_of(corners)
         self.times = visibility.sum(axis=1)
-        self.parts = parts_of(visibility[:, self.frames])
+        visibility = visibility[:, self.frames]
+        self.parts = parts_of(visibility)
+        self.cuts = [start for start, _ in shots(visibility)[1:]]
 
     def window(self, part):
         """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""
@@ -153,7 +158,7 @@ def segment_in_windows(clip, segmenter, rng, report=None):
     Parameters
     ----------
     clip : LongClip
-        Or what else has its ``n_tracks``, ``extent``, ``parts``, ``ends`` and
+        Or what else has its ``n_tracks``, ``extent``, ``parts``, ``cuts``, ``ends`` and
         ``window``.
     segmenter : MotionSegmenter
         Whose parameters the windows are segmented with. Their number of motions is
@@ -279,7 +284,7 @@ class _WindowFits:
 
 def _joined(clip, found, most):
     """What windows say together, of at most so many motions."""
-    joiner = Joiner(clip.n_tracks, most, clip.extent)
+    joiner = Joiner(clip.n_tracks, most, clip.extent, clip.cuts)
     counts = np.array([each.n_motions for each in found])
     surely = np.array([each.surely for each in found])
     # What no probability is computed of is relied on.

@@ -577,14 +577,29 @@ def shots(visibility):
     seen = np.flatnonzero(visibility.any(axis=1))
     first = visibility[seen].argmax(axis=1)
     last = n_frames - 1 - visibility[seen, ::-1].argmax(axis=1)
+    return list(pairwise([0, *first_after_cuts(first, last, n_frames), n_frames]))
+
+
+def first_after_cuts(first, last, n_frames):
+    """The first frame after each cut, as of :func:`shots`.
+
+    Parameters
+    ----------
+    first, last : ndarray of int, shape (n_tracks,)
+        Frames that see each track first and last.
+    n_frames : int
+
+    Returns
+    -------
+    list of int
+    """
     begun = np.cumsum(np.bincount(first, minlength=n_frames))[:-1]
     ended = np.cumsum(np.bincount(last, minlength=n_frames))[:-1]
     going_on = begun - ended  # from each frame to the next
     before = begun - np.append(0, ended[:-1])
-    after = np.append(begun[1:], len(seen)) - ended
+    after = np.append(begun[1:], len(first)) - ended
     is_cut = going_on < FEWEST_GO_ON * np.minimum(before, after)
-    cuts = 1 + np.flatnonzero(is_cut)
-    return list(pairwise([0, *cuts.tolist(), n_frames]))
+    return (1 + np.flatnonzero(is_cut)).tolist()
 
 
 def tracks_by_frame(points, visibility):

@@ -257,7 +257,17 @@ class Numbers:
         self.ended = max(self.next - 1, 0)
         self.traces, self.hidden, self.proven = {}, set(), set()
 
-    def of(self, first, size, living, former=None, most=None, fading=(), shared=None):
+    def of(
+        self,
+        first,
+        size,
+        living,
+        former=None,
+        most=None,
+        fading=(),
+        shared=None,
+        since=0,
+    ):
         """Number of a motion that has appeared, and whether it was there before.
 
         Parameters
@@ -279,6 +289,8 @@ class Numbers:
         shared : int, optional
             The number of a motion that it may be a part of, if all numbers are given:
             its own unless one that is hidden is likelier.
+        since : int
+            A frame: what was seen last before it is not seen again.
 
         Returns
         -------
@@ -290,7 +302,7 @@ class Numbers:
             self.hidden.discard(former)
             return former, True
         full = most is not None and self.next - self.ended >= most
-        known = self._evidence(first, size, fading)
+        known = self._evidence(first, size, fading, since)
         if full and first is not None and shared in self.traces:
             known[shared] = self.traces[shared].evidence_of_part(size)
         likely = [number for number, nats in known.items() if nats > 0]
@@ -311,9 +323,10 @@ class Numbers:
             labels[labels == number] = other
         return labels
 
-    def _evidence(self, first, size, fading):
+    def _evidence(self, first, size, fading, since):
         """Log odds that what appears is each motion that nobody sees, and none new."""
         gone = sorted(self.hidden | (set(fading) & set(self.traces)))
+        gone = [number for number in gone if self.traces[number].frame >= since]
         if first is None or not gone:
             return {}
         odds = float(np.log(self.n_again / self.n_new))

@@ -77,14 +77,17 @@ class Joiner:
         Motions at most.
     size : ndarray of shape (2,)
         Of the picture, pixels.
+    cuts : sequence of int
+        First frames after cuts, ascending.
 
     Attributes
     ----------
     numbers : Numbers
     """
 
-    def __init__(self, n_tracks, most, size):
+    def __init__(self, n_tracks, most, size, cuts=()):
         self.numbers, self.most, self.size = Numbers(), most, size
+        self._cuts = np.array(cuts, dtype=int)
         self._last = np.full(n_tracks, -1)  # number of each track in the last window
         self._votes = np.zeros((n_tracks, 0), dtype=np.int32)
         self._living: list[int] = []  # motions of the last window, ascending
@@ -180,15 +183,20 @@ class Joiner:
     def _number_of(self, tracks, first, living):
         """Number of a group that does not go on; -1 of one that nothing tells.
 
-        A motion that left the picture before the group came into it may be the same.
+        A motion that left the picture before the group came into it may be the same,
+        unless the video was cut between: places say nothing then. Where only so many
+        motions may be, it is one of these all the same.
         """
         last = {
             n: self.numbers.traces[n].frame for n in living & set(self.numbers.traces)
         }
         ended = [n for n, frame in last.items() if first and frame <= first.frame]
         shared, former = self._shared_most(tracks), self._former(tracks)
+        since = 0
+        if first is not None and self.most is None:
+            since = self._cuts[self._cuts <= first.frame].max(initial=0)
         number, _ = self.numbers.of(
-            first, self.size, living, former, self.most, ended, shared
+            first, self.size, living, former, self.most, ended, shared, since
         )
         return -1 if number is None else number
 
