@@ -58,6 +58,8 @@ NUMBERED = re.compile(r"[a-z_. ]*?(\d+(?:\.\d+)?)")
 COORDINATE = re.compile(r"[xy](?![a-z]).*")
 # Correlation, along both axes, of points with where they were a frame before.
 ALONG = 0.9
+# Share of the rows of a table that go on from the one above, if it is in order.
+MOST_ROWS = 0.5
 # Columns that may hold truth values, and what an observation has there.
 SEEN = {"visible": True, "occluded": False}
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -300,9 +302,16 @@ def _pack_homogeneous(points, visibility, name):
         raise ValueError(
             f"{name!r} must have shape (3, n_tracks, n_frames); got {points.shape}"
         )
-    return pack_tracks(
-        np.moveaxis(points[:2], 0, 2).astype(float), visibility, layout="tracks_first"
-    )
+    x, y, w = points.astype(float)
+    unseen = np.isnan(x + y) | (x == 0) & (y == 0)
+    if np.shape(visibility) == x.shape:
+        unseen |= ~np.asarray(visibility).astype(bool)
+    if not (unseen | (w == 1)).all():
+        raise ValueError(
+            f"the third coordinates of {name!r}, homogeneous pixels, must be 1 where a "
+            "track is seen: divide the others by them"
+        )
+    return pack_tracks(np.stack([x, y], axis=2), visibility, layout="tracks_first")
 
 
 def _pack_correspondences(data):
@@ -428,19 +437,31 @@ def _counts_observations(table):
 
     So it seems with whole numbers of several tracks and frames, of which those of one
     follow each other without a gap, and no pair of which comes twice, beside two
-    columns that are not whole numbers throughout. Not so if these go along with them:
-    then points were on whole pixels in the first of two frames.
+    columns that are not whole numbers throughout, unless the rows are in the order of
+    both. Not so if these go along with them: then points were on whole pixels in the
+    first of two frames.
     """
     if table.shape[1] != 4 or len(table) < 2:
         return False
     counters, points = table[:, :2], table[:, 2:]
-    if not (counters == np.floor(counters)).all() or (points == np.floor(points)).all():
+    if not (counters == np.floor(counters)).all():
+        return False
+    if (points == np.floor(points)).all() and not _are_in_order(counters):
         return False
     named = [np.unique(values) for values in counters.T]
     several = min(map(len, named)) > 1
     without_gap = any((np.diff(each) == 1).all() for each in named)
     once = len(np.unique(counters, axis=0)) == len(table)
     return several and without_gap and once and not _go_along(points, counters)
+
+
+def _are_in_order(counters):
+    """Whether, in most rows, one of two columns goes on by one, and the other not."""
+    steps = np.diff(counters, axis=0)
+    return bool(
+        max(np.mean((steps == step).all(axis=1)) for step in ([0, 1], [1, 0]))
+        > MOST_ROWS
+    )
 
 
 def _go_along(points, others):

@@ -31,12 +31,12 @@ def test_windows_cover_a_clip(n_frames):
     assert_array_equal(tracks, np.flatnonzero(visibility.any(axis=1)))
 
 
-def joined(windows, n_tracks, most=None, points=None, frames=None):
+def joined(windows, n_tracks, most=None, points=None, frames=None, cuts=()):
     """Labels after windows of ten frames, given as {track: label}.
 
     Tracks are seen in all frames of a window, or in those of ``{track: frames}``.
     """
-    joiner = Joiner(n_tracks, most, np.array([640.0, 480.0]))
+    joiner = Joiner(n_tracks, most, np.array([640.0, 480.0]), cuts)
     for k, labels in enumerate(windows):
         tracks = np.array(sorted(labels))
         where = np.zeros((len(tracks), 10, 2)) if points is None else points[k][tracks]
@@ -66,6 +66,21 @@ def test_motion_that_nobody_saw_comes_back_by_its_place():
     labels = joined([first, second, third], 60, points=points)
     assert set(labels[20:30]) == {1}
     assert set(labels[40:50]) == {1}
+
+
+@pytest.mark.parametrize(
+    "cuts, most, again", [((20,), None, False), ((10,), None, True), ((20,), 2, True)]
+)
+def test_what_a_cut_parts_is_not_the_same_by_its_place(cuts, most, again):
+    points = np.zeros((3, 60, 10, 2)) + np.arange(60)[:, None, None] % 10
+    first = dict.fromkeys(range(10), 0)
+    second = dict.fromkeys(range(20, 30), 0)
+    third = dict.fromkeys(range(40, 50), 0)
+    windows = [first, second, third]
+    labels = joined(windows, 60, most=most, points=points, cuts=cuts)
+    assert (labels[40] == labels[20]) == again
+    if most is None:
+        assert (labels[20] == labels[0]) == (cuts != (10,))
 
 
 def test_no_more_numbers_than_motions():

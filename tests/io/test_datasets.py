@@ -614,9 +614,38 @@ def test_swapped_axes_are_suspected(tmp_path, ending, recwarn):
         load_tracks(path)
     recwarn.clear()
     assert_array_equal(load_tracks(path, layout="frames_first").data, X)
+    save(path, np.concatenate([points[:20].swapaxes(0, 1)] * 3))
+    with pytest.warns(UserWarning, match="24 tracks of 20 frames.*--layout frames_fir"):
+        load_tracks(path)  # as many frames as tracks, or more
+    recwarn.clear()
     save(path, np.concatenate([points[:7]] * 2, axis=1))  # fewer tracks than frames
     assert load_tracks(path).data.shape == (7, 32)
     assert not recwarn.list
+
+
+def test_tracks_of_one_thing_that_crosses_the_image_are_not_suspected(recwarn):
+    rng = np.random.default_rng(0)
+    places = np.linspace(0, 600, 40)[:, None] * [1, 0.2]
+    points = rng.normal(0, 10, (60, 1, 2)) + places + rng.normal(0, 0.5, (60, 40, 2))
+    pack_tracks(points)
+    assert not recwarn.list
+
+
+@pytest.mark.parametrize("by_frame", [False, True])
+def test_csv_of_whole_pixels_without_names_is_refused(tmp_path, by_frame):
+    track, frame = np.divmod(np.arange(60), 6)
+    x, y = np.random.default_rng(0).integers(0, 500, (2, 60))
+    table = np.column_stack([track, frame, x, y])
+    if by_frame:
+        table = table[np.lexsort((track, frame))]
+    path = tmp_path / "whole.csv"
+    np.savetxt(path, table, fmt="%d", delimiter=",")
+    with pytest.raises(
+        ValueError, match="begin the file with the line track,frame,x,y"
+    ):
+        load_tracks(path)
+    np.savetxt(path, table[:, [2, 3, 2, 3]], fmt="%d", delimiter=",")
+    assert load_tracks(path).data.shape == (60, 4)  # points of two frames
 
 
 def test_csv_of_a_row_a_track(tracks, tmp_path):
@@ -806,6 +835,15 @@ def test_hopkins155(full_clip, tmp_path):
     assert_array_equal(first.target, y)
 
 
+def test_homogeneous_pixels_are_divided_by_the_third(full_clip, tmp_path):
+    X, y = full_clip
+    pixels = homogeneous_pixels(unpack_tracks(X)[0])
+    path = tmp_path / "clip.mat"
+    scipy.io.savemat(path, {"y": 2 * pixels, "s": y[:, None] + 1})
+    with pytest.raises(ValueError, match=r"third coordinates of 'y'.* must be 1 where"):
+        load_tracks(path)
+
+
 def write_two_images(path, data, label, **more):
     images = {"img1": np.zeros((4, 6, 3), np.uint8), "score": np.ones(len(data.T))}
     content = {"data": data, "label": label, **images, **more}
@@ -926,6 +964,7 @@ def test_two_images_are_not_taken_for_a_video(tmp_path):
     from scipy.io import savemat
 
     y = np.full((3, 6, 4), 7.0)
+    y[2] = 1
     data = {"ySparse": y, "GtLabel": np.ones(6), "visibleSparse": np.ones((6, 4))}
     savemat(tmp_path / "clip.mat", {"Data": data})
     with pytest.raises(ValueError, match="clip has 4 frames, where 2 are expected"):

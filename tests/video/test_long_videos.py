@@ -111,12 +111,23 @@ def test_windows_of_stored_tracks_are_those_of_the_matrix(frames, tmp_path):
     clip = StoredClip(stored, 10)
     whole = LongClip(clip.matrix().astype(float), 2)
     assert_array_equal(clip.extent, whole.extent)
+    assert clip.cuts == whole.cuts
     assert clip.n_tracks == whole.n_tracks
     for part, other in zip(clip.parts, whole.parts, strict=True):
         assert part[:2] == other[:2]
         assert_array_equal(part.tracks, other.tracks)
         for mine, its in zip(clip.window(part), whole.window(other), strict=True):
             assert_array_equal(mine, its)
+
+
+def test_cuts_of_stored_tracks_are_those_of_the_matrix(frames, tmp_path):
+    from skmotionseg._segmenter.long_clips import LongClip
+
+    turned = [np.rot90(frame, 2).copy() for frame in frames[:20]]
+    stored = stored_in(tmp_path / "run", [*frames[:24], *turned])
+    clip = StoredClip(stored, 10)
+    assert clip.cuts == [24]
+    assert LongClip(clip.matrix().astype(float), 2).cuts == [24]
 
 
 def test_half_of_a_file_is_none(frames, tmp_path, monkeypatch):

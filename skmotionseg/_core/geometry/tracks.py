@@ -30,6 +30,9 @@ FEWEST_GO_ON = 0.25
 # Tracks that move over more than so many times what all of them cover are suspicious,
 # if there are so many.
 FARTHEST_MOVED, FEWEST_COVERING = 2, 3
+# Steps of points in no order, in standard deviations of their places: those of normal
+# ones are 0.95 in the median. And the fewest points that tell.
+LEAPS, FEWEST_LEAPS = 0.4, 8
 
 
 LAYOUTS = ("tracks_first", "frames_first")
@@ -157,11 +160,14 @@ def look_swapped(points, place=""):
     Returns
     -------
     str
-        Empty if it does not, there are no fewer tracks than frames, or so few that they
-        cover little in any case.
+        Empty if it does not, or there are so few tracks that they cover little in any
+        case. No fewer than there are frames may follow a thing that crosses the image:
+        these are suspected only if they leap to and fro, as no track does.
     """
     n_tracks, n_frames = points.shape[:2]
-    if not FEWEST_COVERING <= n_tracks < n_frames:
+    if n_tracks < FEWEST_COVERING:
+        return ""
+    if n_tracks >= n_frames and not (n_frames >= FEWEST_LEAPS and leap(points)):
         return ""
     of_track, of_frame = spreads(points)
     if not of_track > FARTHEST_MOVED * of_frame:  # nor where nothing is known
@@ -171,6 +177,20 @@ def look_swapped(points, place=""):
         f"{FARTHEST_MOVED} times what all of them cover in a frame: if tracks and "
         'frames are in each other\'s place, pass layout="frames_first"'
     )
+
+
+def leap(points):
+    """Whether points, along the second axis, go about as far in a step as in all.
+
+    Not so those that are sorted by their places.
+    """
+    if points.dtype.kind not in "fiub":
+        return False
+    steps = np.abs(np.diff(points, axis=1))
+    if not np.isfinite(steps).any():
+        return False
+    along, _ = spreads(points)
+    return bool(np.nanmedian(steps) > LEAPS * along)
 
 
 def spreads(points):
