@@ -202,7 +202,8 @@ estimator, default="description_length"
         Reason for each label: "assigned"; or, for tracks labelled -1, "outlier" if the
         track is an inlier of no motion, "too short" if it is seen in no frame pair (for
         example, in a single frame), and "isolated" if it shares no preferred hypothesis
-        with another track, as where a window of a long clip has too few for any.
+        with another track, as where a window of a long clip has too few for any, or if
+        a selection rule of your own gives it -1.
     probabilities_ : ndarray of shape (n_tracks,)
         Confidence of each label, from 0 to 1: the share of a track's affinities that
         belongs to tracks of its own motion, averaged over the models. If the number of

@@ -13,7 +13,7 @@ import numpy as np
 
 from .._core.geometry.tracks import covered, first_after_cuts, pack_tracks
 from .._core.stream.joining import FEWEST_SEEN, Part, window_ends
-from .._segmenter.long_clips import extent_of
+from .._segmenter.long_clips import FEWEST_AT_CUT, extent_of
 from .._utils.writing import replacing
 from ..video._looks import SLIDING, without_sliding
 from ..video._tracking import PointTracker, TrackerState
@@ -242,7 +242,9 @@ class StoredClip:
             last[ids] = number
             times[ids] += 1
         kept = times >= shortest
-        self.cuts = first_after_cuts(first[kept], last[kept], stored.n_frames)
+        self.cuts = first_after_cuts(
+            first[kept], last[kept], stored.n_frames, FEWEST_AT_CUT
+        )
         self.rows = np.where(kept, np.cumsum(kept) - 1, -1).astype(np.int32)
         self.n_tracks, self.times = int(kept.sum()), times[kept]
         corners = [

@@ -29,6 +29,8 @@ from .._utils.warning import warn_of_unexplained, warn_user
 LONG_CLIP = 100
 # Tracks of a matrix that are unpacked at a time.
 BATCH = 1000
+# Tracks before a cut, and after it, at least: where there are few, they may be lost.
+FEWEST_AT_CUT = 8
 # Windows that are asked for one motion more, for each that the whole clip lacks.
 MOST_ASKED = 5
 
@@ -108,7 +110,7 @@ class LongClip:
         self.times = visibility.sum(axis=1)
         visibility = visibility[:, self.frames]
         self.parts = parts_of(visibility)
-        self.cuts = [start for start, _ in shots(visibility)[1:]]
+        self.cuts = [start for start, _ in shots(visibility, FEWEST_AT_CUT)[1:]]
 
     def window(self, part):
         """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""

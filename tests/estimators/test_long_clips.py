@@ -246,6 +246,16 @@ def test_window_without_tracks_is_one_without_motions(n_landmarks):
     assert (segmenter.labels_ == 0).all()
 
 
+def test_motions_before_and_after_a_cut_are_two_in_whatever_place_they_are():
+    X = np.full((80, 2 * 120), np.nan)
+    X[:40, :120] = glimpsed(120)[40:, 100:220]
+    X[40:, 120:] = X[:40, :120]
+    segmenter = MotionSegmenter(n_hypotheses=30, random_state=0)
+    labels = segmenter.fit_predict(X)
+    assert len(set(labels[:40])) == len(set(labels[40:])) == 1
+    assert labels[0] != labels[40]
+
+
 def test_tracks_where_too_few_are_seen_are_no_outliers():
     X = glimpsed(n_frames=160)
     X[-6:-3, 2 * 121 :] = X[-3:, : 2 * 121] = np.nan  # three, and then three others

@@ -579,12 +579,14 @@ def working_coordinates(points, visibility):
     return centres, 1.0 if coincide else float(scale)
 
 
-def shots(visibility):
+def shots(visibility, fewest=1):
     """Frames between cuts: [(start, stop), ...].
 
     Parameters
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
+    fewest : int
+        As of :func:`first_after_cuts`.
 
     Returns
     -------
@@ -597,10 +599,11 @@ def shots(visibility):
     seen = np.flatnonzero(visibility.any(axis=1))
     first = visibility[seen].argmax(axis=1)
     last = n_frames - 1 - visibility[seen, ::-1].argmax(axis=1)
-    return list(pairwise([0, *first_after_cuts(first, last, n_frames), n_frames]))
+    cuts = first_after_cuts(first, last, n_frames, fewest)
+    return list(pairwise([0, *cuts, n_frames]))
 
 
-def first_after_cuts(first, last, n_frames):
+def first_after_cuts(first, last, n_frames, fewest=1):
     """The first frame after each cut, as of :func:`shots`.
 
     Parameters
@@ -608,6 +611,9 @@ def first_after_cuts(first, last, n_frames):
     first, last : ndarray of int, shape (n_tracks,)
         Frames that see each track first and last.
     n_frames : int
+    fewest : int
+        Tracks before a cut, and after it, at least. Where there are few, they may
+        have been lost, and the picture be the same.
 
     Returns
     -------
@@ -618,7 +624,8 @@ def first_after_cuts(first, last, n_frames):
     going_on = begun - ended  # from each frame to the next
     before = begun - np.append(0, ended[:-1])
     after = np.append(begun[1:], len(first)) - ended
-    is_cut = going_on < FEWEST_GO_ON * np.minimum(before, after)
+    there = np.minimum(before, after)
+    is_cut = (going_on < FEWEST_GO_ON * there) & (there >= fewest)
     return (1 + np.flatnonzero(is_cut)).tolist()
 
 
