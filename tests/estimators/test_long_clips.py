@@ -246,12 +246,15 @@ def test_window_without_tracks_is_one_without_motions(n_landmarks):
     assert (segmenter.labels_ == 0).all()
 
 
-def test_motions_before_and_after_a_cut_are_two_in_whatever_place_they_are():
-    X = np.full((80, 2 * 120), np.nan)
-    X[:40, :120] = glimpsed(120)[40:, 100:220]
-    X[40:, 120:] = X[:40, :120]
+@pytest.mark.parametrize("n_before", [50, 64])
+def test_motions_before_and_after_a_cut_are_two_in_whatever_place_they_are(n_before):
+    rng = np.random.default_rng(0)
+    swaying = np.sin(np.arange(60 + n_before) / 20)[:, None] * [20.0, 10.0]
+    points = rng.uniform(0, [800, 600], (80, 1, 2)) + swaying
+    points += rng.normal(scale=0.2, size=points.shape)
+    points[:40, n_before:] = points[40:, :n_before] = np.nan
     segmenter = MotionSegmenter(n_hypotheses=30, random_state=0)
-    labels = segmenter.fit_predict(X)
+    labels = segmenter.fit_predict(pack_tracks(points))
     assert len(set(labels[:40])) == len(set(labels[40:])) == 1
     assert labels[0] != labels[40]
 
