@@ -126,7 +126,7 @@ class CountDisplay:
         require_pyplot()
         last = last_step(estimator)
         refuse_windows(last)
-        if np.isnan(getattr(last, "costs_", np.nan)).all():
+        if not hasattr(last, "costs_"):
             raise ValueError(
                 f"{type(last).__name__} does not compare numbers of motions; give an "
                 "NCREModelSelector or a MotionSegmenter"

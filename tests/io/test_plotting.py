@@ -978,17 +978,6 @@ def case(name, call, words, error=ValueError):
             "tried one number of motions",
         ),
         case(
-            "counts, a rule of one's own without costs",
-            lambda: CountDisplay.from_estimator(
-                MotionSegmenter(
-                    selection=MultiModelSpectralClustering(2),
-                    n_hypotheses=50,
-                    random_state=0,
-                ).fit(make_rigid_motions(60, 5, 2, random_state=0)[0])
-            ),
-            "MotionSegmenter does not compare numbers of motions",
-        ),
-        case(
             "counts, no costs",
             lambda: CountDisplay.from_estimator(
                 MultiModelSpectralClustering().fit(STACKED)

@@ -114,7 +114,7 @@ def test_each_of_two_is_known_and_so_is_what_comes_a_third_time():
     assert film.known_again() == [1, 2, 2, 1, 1]
 
 
-@pytest.mark.parametrize("scores", permutations([5.0, 6.0, 7.0]))
+@pytest.mark.parametrize("scores", [*permutations([5.0, 6.0, 7.0])])
 def test_whichever_two_are_likeliest_all_three_are_one(scores):
     pairs = [(1, 2), (1, 3), (2, 3)]
     found = dict(zip(pairs, scores, strict=True))
