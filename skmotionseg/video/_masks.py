@@ -271,15 +271,17 @@ class _Painter:
         return _View(frame, cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY))
 
     def last_at_rest(self, n_frames):
-        """The last frame before which nothing has moved, and that has one after it."""
+        """The last frame before which nothing has moved, and that has one after it.
+
+        Nor has a motion come into view, or gone.
+        """
         first = self._tracks_in(0)
+        shown = np.unique(self._labels[first[0]])
         for number in range(1, n_frames):
-            now = self._tracks_in(number)
-            since_first, step = (
-                self._movement(before, now)
-                for before in (first, self._tracks_in(number - 1))
-            )
-            if not (step < MOST_STILL and since_first < MOST_SINCE_FIRST):
+            before, now = self._tracks_in(number - 1), self._tracks_in(number)
+            rests = self._movement(before, now) < MOST_STILL
+            rests &= self._movement(first, now) < MOST_SINCE_FIRST
+            if not (rests and np.array_equal(np.unique(self._labels[now[0]]), shown)):
                 return number - 1
         return max(n_frames - 2, 0)
 

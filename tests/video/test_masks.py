@@ -198,6 +198,15 @@ def test_what_rests_at_first_has_the_mask_that_its_movement_shows(starting):
     assert not (masks[1] == 9).any()  # each is an array of its own
 
 
+def test_what_appears_while_all_rests_was_not_there_before(starting):
+    frames, X, labels = starting
+    X = X.copy()
+    X[labels == 1, :8] = np.nan  # no track of it in four frames
+    masks = list(dense_masks(frames, X, labels))
+    assert not any((mask == 1).any() for mask in masks[:3])
+    assert region_similarity(inside(0), masks[N_RESTING - 1] == 1) > 0.6
+
+
 def test_frames_that_end_while_all_rests_are_too_few(starting):
     frames, X, labels = starting
     with pytest.raises(ValueError, match="frames, but the arrays 4"):
