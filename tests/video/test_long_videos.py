@@ -318,6 +318,9 @@ def test_another_video_in_the_same_place_is_refused(frames, tmp_path, capsys):
             cv2.imwrite(str(film / f"{number}.png"), frame)
         assert main(segment(film, "--resume", tmp_path / "run")) == code
     assert "its content is" in capsys.readouterr().err
+    again = segment(film, "--resume", tmp_path / "run", "--stride", 2)
+    assert main(again) == 2  # which are other frames, too
+    assert "its stride is 1, and this one's 2" in capsys.readouterr().err
 
 
 def test_a_byte_makes_another_video(tmp_path):

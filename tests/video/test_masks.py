@@ -596,6 +596,19 @@ def test_segment_writes_masks(folder, tmp_path, capsys):
     assert "application/json" in (tmp_path / "page.html").read_text()
 
 
+def test_a_scene_that_covers_little_of_the_picture_is_warned_of(recwarn):
+    rng = np.random.default_rng(0)
+    start = rng.uniform([20, 30], [60, 70], (60, 1, 2))
+    X = (start + 3.0 * np.arange(12)[:, None] * [1, 0.2]).reshape(60, -1)
+    size = {"width": WIDTH, "height": HEIGHT}
+    with pytest.warns(UserWarning, match="covers less than 25% of the picture"):
+        find_objects(X, np.zeros(60, dtype=int), **size)
+    recwarn.clear()
+    wide = (start - [20, 30]) * [3.5, 2.5] + np.zeros((12, 2))
+    find_objects(wide.reshape(60, -1), np.zeros(60, dtype=int), **size)
+    assert not recwarn.list
+
+
 def test_scenes_before_and_after_a_cut_are_static():
     """Few tracks go on by chance; what moves in either is a thing of its own."""
     rng, n_frames, cut = np.random.default_rng(0), 24, 11
