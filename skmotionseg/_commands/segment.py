@@ -22,7 +22,7 @@ from .._utils.writing import (
     check_stale,
     motion_file,
 )
-from ..video._frames import PICTURE_ENDINGS, SMALLEST_SIDE, is_video
+from ..video._frames import PICTURE_ENDINGS, SMALLEST_SIDE, VIDEO_ENDINGS, is_video
 from .console import PICTURES, console_of_findings, count, progress_console
 from .findings import print_findings
 from .label_files import LABEL_ENDINGS, write_labels
@@ -122,8 +122,8 @@ def add_segment(commands):
         "segment",
         help="segment a track file or a video",
         description="Segment the tracks of a .npz, .npy, .mat, .csv or .dat file, or "
-        "track and segment a video (.mp4, .mov, .avi, .mkv, .webm) or a folder of "
-        "frames (.png, .jpg).",
+        f"track and segment a video ({', '.join(VIDEO_ENDINGS)}) or a folder of frames "
+        "(.png, .jpg).",
     )
     segment.add_argument("file", type=Path, metavar="INPUT")
     for name, options in OPTIONS.items():

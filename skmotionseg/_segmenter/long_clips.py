@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 from sklearn.base import clone
-from sklearn.utils import gen_batches
 
 from .._core.geometry.tracks import (
     covered,
+    first_after_cuts,
+    first_and_last,
     non_empty_frames,
     pack_tracks,
-    shots,
     unpack_tracks,
 )
 from .._core.labels import canonical_labels
@@ -22,13 +22,11 @@ from .._core.stream.joining import Joiner, parts_of
 from .._parallel.engine import run_tasks
 from .._parallel.tasks import Task
 from .._utils.caching import as_memory, recall
-from .._utils.validation import TooFewTracksError
+from .._utils.validation import TooFewTracksError, row_batches
 from .._utils.warning import warn_of_unexplained, warn_user
 
 # Frames above which a clip is taken in windows.
 LONG_CLIP = 100
-# Tracks of a matrix that are unpacked at a time.
-BATCH = 1000
 # Tracks before a cut, and after it, at least: where there are few, they may be lost.
 FEWEST_AT_CUT = 8
 # Windows that are asked for one motion more, for each that the whole clip lacks.
@@ -98,7 +96,7 @@ class LongClip:
     def __init__(self, X, fewest):
         self._X = X
         seen, corners = [], []
-        for points, visibility in map(unpack_tracks, _batches(X)):
+        for points, visibility in map(unpack_tracks, row_batches(X)):
             seen.append(visibility)
             if visibility.any():
                 corners += covered(points, visibility)
@@ -110,7 +108,8 @@ class LongClip:
         self.times = visibility.sum(axis=1)
         visibility = visibility[:, self.frames]
         self.parts = parts_of(visibility)
-        self.cuts = [start for start, _ in shots(visibility, FEWEST_AT_CUT)[1:]]
+        first, last = first_and_last(visibility)
+        self.cuts = first_after_cuts(first, last, self.n_frames, FEWEST_AT_CUT)
 
     def window(self, part):
         """Points (n, L, 2) and visibility (n, L) of the tracks of a window."""
@@ -136,7 +135,7 @@ class LongClip:
 
 def points_in_batches(X, frames):
     """Points (n, n_frames, 2) in some frames of a matrix, some tracks at a time."""
-    for batch in _batches(X):
+    for batch in row_batches(X):
         yield unpack_tracks(batch[:, _columns(frames)])[0]
 
 
@@ -144,10 +143,6 @@ def extent_of(corners):
     """Width and height (2,) of what has such corners, pixels; one where it is flat."""
     extent = np.ptp(corners, axis=0) if corners else np.zeros(2)
     return np.where(extent > 0, extent, 1.0)
-
-
-def _batches(X):
-    return (X[batch] for batch in gen_batches(len(X), BATCH))
 
 
 def _columns(frames):

@@ -6,6 +6,7 @@ from numbers import Integral, Real
 
 import numpy as np
 import numpy.typing as npt
+from sklearn.utils import gen_batches
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_non_negative, validate_data
 
@@ -26,8 +27,9 @@ OF_A_FOLD = (
 LARGEST_SHARE = 2
 # Tracks from which on points of just (0, 0) are no coincidence, and share of all.
 FEWEST_AT_ZERO, SHARE_AT_ZERO = 3, 0.02
-# Tracks that are looked at together.
-ROWS_A_BATCH = 1000
+# Tracks of a matrix that are unpacked, or looked at, at a time: of one of a long clip,
+# which holds hardly any points, nothing of its size fits beside it.
+BATCH = 1000
 # Fewer tracks than a fundamental matrix needs may be anything.
 FEWEST_TO_WARN = 8
 # Pixels beyond which a number is no place in an image.
@@ -127,6 +129,11 @@ def are_shares(points):
     return enough and 0 < farthest_from_zero(points) <= LARGEST_SHARE
 
 
+def row_batches(tracks):
+    """Some rows of a matrix of tracks after the other."""
+    return (tracks[batch] for batch in gen_batches(len(tracks), BATCH))
+
+
 def have_zeros_for_nan(tracks):
     """Whether unseen points seem to be (0, 0), as some tools write them.
 
@@ -136,8 +143,7 @@ def have_zeros_for_nan(tracks):
         So it seems if several of them, and not very few, are just there at times.
     """
     at_times = 0
-    for start in range(0, len(tracks), ROWS_A_BATCH):  # of long clips, no more fits
-        some = tracks[start : start + ROWS_A_BATCH]
+    for some in row_batches(tracks):
         x, y = some[:, ::2], some[:, 1::2]
         there = (x == 0) & (y == 0)
         elsewhere = ~there & ~np.isnan(x)

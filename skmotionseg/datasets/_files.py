@@ -214,8 +214,8 @@ def _reader(path, layout, image_size, visible_above):
     if ending not in readers:
         raise ValueError(
             f"track files end in .npz, .npy, .mat or .csv; got {path.name!r} (the .dat "
-            "of MoSeg is read, too; of videos, .mp4, .m4v, .mov, .avi, .mkv and .webm "
-            "can be tracked)"
+            "of MoSeg is read, too; skmotionseg.video.track_video makes tracks of a "
+            "video)"
         )
     for name, value in options.items():
         if value is not None and name not in OPTIONS.get(ending, ()):

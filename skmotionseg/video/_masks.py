@@ -312,23 +312,25 @@ class _Painter:
         present = self._present(seen)
         labels = np.searchsorted(present, self._labels)  # of what is seen, at least
         pairs = self._neighbours(view, number, labels)
-        if self._rests(pairs, present):
-            walk = self._carried(present)
+        # Where a frame is shown twice, the other of the two tells no motions apart, and
+        # any of them explains how it looks.
+        moving = [pair for pair in pairs if pair.moves()]
+        if not moving and self._go_on(pairs, present):
+            walk = self._carried(self._of_last(present))
         else:
             own = self._place(points), labels[seen]
-            walk = self._decide(view, pairs, own, present)
+            walk = self._decide(view, moving or pairs, own, present)
         self._last, self._last_walk, self._last_present = view, walk, present
         return present, walk
 
-    def _rests(self, pairs, present):
-        """Whether nothing has moved since the last frame, nor will until the next.
+    def _go_on(self, pairs, present):
+        """Whether tracks go on from the last frame, and no motion is new.
 
-        There is then nothing to tell motions by, and masks stay what they were.
+        Where nothing moves, there is nothing else to tell motions by: masks stay.
         """
         if self._last is None or not np.isin(present, self._last_present).all():
             return False
-        of_last = pairs[-1]
-        return len(of_last.labels) > 0 and not any(pair.moves() for pair in pairs)
+        return len(pairs[-1].labels) > 0
 
     def _present(self, seen):
         """Labels (n,) with tracks that are seen, or pixels in the last frame."""
@@ -346,9 +348,8 @@ class _Painter:
         walk[new] = self._last_walk[old]
         return walk
 
-    def _carried(self, present):
+    def _carried(self, known):
         """Probabilities in the last frame, where its flow takes them."""
-        known = self._of_last(present)
         return np.stack([warp(part, self._last.back) for part in known])
 
     def _tracks_in(self, number):
@@ -395,11 +396,7 @@ class _Painter:
         return logs
 
     def _neighbours(self, view, number, labels):
-        """The frames after and before, or that of both in which anything has moved.
-
-        Where a frame is shown twice, the other of the two tells no motions apart, and
-        any of them explains how it looks.
-        """
+        """The frames after and before, as far as there are any."""
         pairs = []
         if view.ahead is not None:
             tracked = self._steps(number, number + 1, labels)
@@ -409,7 +406,7 @@ class _Painter:
             tracked = self._steps(number, number - 1, labels)
             flow = self._last.back, self._last.back_trust, self._last.grey
             pairs.append(_Neighbour(*flow, *tracked))
-        return [pair for pair in pairs if pair.moves()] or pairs
+        return pairs
 
     def _steps(self, number, other, labels):
         """Of the tracks that two frames see: labels, places in the first, and steps."""
@@ -450,7 +447,7 @@ class _Painter:
             return walk
         last = self._last
         known = self._of_last(present)
-        past = self._carried(present)
+        past = self._carried(known)
         odds = np.log(past + 0.03)
         logs = logs + last.back_trust * np.maximum(odds - odds.max(axis=0), -MOST_PAST)
         moved = self._grid.cells(last.colours, last.ahead)

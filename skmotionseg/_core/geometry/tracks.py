@@ -579,14 +579,12 @@ def working_coordinates(points, visibility):
     return centres, 1.0 if coincide else float(scale)
 
 
-def shots(visibility, fewest=1):
+def shots(visibility):
     """Frames between cuts: [(start, stop), ...].
 
     Parameters
     ----------
     visibility : ndarray of bool, shape (n_tracks, n_frames)
-    fewest : int
-        As of :func:`first_after_cuts`.
 
     Returns
     -------
@@ -596,11 +594,15 @@ def shots(visibility, fewest=1):
         more than a half do, even where a camera is shaken.
     """
     n_frames = visibility.shape[1]
-    seen = np.flatnonzero(visibility.any(axis=1))
-    first = visibility[seen].argmax(axis=1)
-    last = n_frames - 1 - visibility[seen, ::-1].argmax(axis=1)
-    cuts = first_after_cuts(first, last, n_frames, fewest)
+    first, last = first_and_last(visibility)
+    cuts = first_after_cuts(first, last, n_frames)
     return list(pairwise([0, *cuts, n_frames]))
+
+
+def first_and_last(visibility):
+    """Frames (n_seen,) that see each track first and last, but for unseen tracks."""
+    seen = visibility[visibility.any(axis=1)]
+    return seen.argmax(axis=1), seen.shape[1] - 1 - seen[:, ::-1].argmax(axis=1)
 
 
 def first_after_cuts(first, last, n_frames, fewest=1):
