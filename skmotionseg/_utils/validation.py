@@ -27,6 +27,8 @@ OF_A_FOLD = (
 LARGEST_SHARE = 2
 # Tracks from which on points of just (0, 0) are no coincidence, and share of all.
 FEWEST_AT_ZERO, SHARE_AT_ZERO = 3, 0.02
+# Pixels from there to all else of a track: whole pixels may pass by (0, 0).
+LEAP_TO_ZERO = 2
 # Tracks of a matrix that are unpacked, or looked at, at a time: of one of a long clip,
 # which holds hardly any points, nothing of its size fits beside it.
 BATCH = 1000
@@ -140,14 +142,15 @@ def have_zeros_for_nan(tracks):
     Parameters
     ----------
     tracks : ndarray of shape (n_tracks, 2 * n_frames)
-        So it seems if several of them, and not very few, are just there at times.
+        So it seems if several of them, and not very few, are just there at times, and
+        never near.
     """
     at_times = 0
     for some in row_batches(tracks):
-        x, y = some[:, ::2], some[:, 1::2]
-        there = (x == 0) & (y == 0)
-        elsewhere = ~there & ~np.isnan(x)
-        at_times += int((there.any(axis=1) & elsewhere.any(axis=1)).sum())
+        distance = np.maximum(np.abs(some[:, ::2]), np.abs(some[:, 1::2]))
+        nearest = np.where(distance > 0, distance, np.inf).min(axis=1)
+        leap = np.isfinite(nearest) & (nearest > LEAP_TO_ZERO)
+        at_times += int((leap & (distance == 0).any(axis=1)).sum())
     return at_times >= max(FEWEST_AT_ZERO, SHARE_AT_ZERO * len(tracks))
 
 

@@ -180,6 +180,15 @@ def test_zeros_where_nothing_is_seen_are_warned_of():
     assert any("at (0, 0) in some frames" in str(each.message) for each in told)
 
 
+def test_whole_pixels_that_pass_by_zero_are_not():
+    """Where the origin is the image's centre."""
+    X, _ = make_rigid_motions(60, 6, 2, random_state=0)
+    X[:6] = np.kron(np.arange(6) - 3, [1, 0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        MotionSegmenter(2, n_hypotheses=20, random_state=0).fit(X)
+
+
 def test_motions_that_lose_all_tracks_are_warned_of():
     """Fourteen points jump about, which are then a motion and outliers as well."""
     rng = np.random.RandomState(0)
