@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.films import FOCAL, enter, film, stop_and_go
+from helpers.films import FOCAL, enter, film, stop_and_go, together
 from numpy.testing import assert_array_equal
 from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
@@ -16,11 +16,9 @@ from skmotionseg import (
     MotionSegmenter,
     OnlineMotionSegmenter,
     pack_tracks,
-    unpack_tracks,
 )
 from skmotionseg._core.partition.scene import background_motion
 from skmotionseg._segmenter.reasons import stream_reasons
-from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 from skmotionseg.online import _with_first, _with_living
 
@@ -187,53 +185,75 @@ def test_result_has_all_tracks(movie, played):
 
 
 @pytest.mark.parametrize(
-    "pieces", [range(26), pytest.param((3, 9, 10, 23), marks=pytest.mark.long)]
+    "n_frames, pieces",
+    [(17, range(17)), pytest.param(25, (3, 9, 10, 23), marks=pytest.mark.long)],
 )
-def test_pickled_pieces_in_any_order_give_the_same_labels(movie, played, pieces):
+def test_pickled_pieces_in_any_order_give_the_same_labels(
+    movie, halves, n_frames, pieces
+):
     """Whether it is pickled changes nothing, nor in which order tracks come."""
+    (all_labels, all_events, _), pickles = halves
     order = np.random.default_rng(0)
-    table, events, segmenter = play(movie, shuffle=order, pieces=pieces)
-    assert_array_equal(table, played[0])
-    assert events == played[1]
-    scale = [each._stream.scale for each in (segmenter, played[2])]
-    assert scale[0] == scale[1]
+    table, events, segmenter = play(
+        movie, frames=range(n_frames), shuffle=order, pieces=pieces
+    )
+    assert_array_equal(table[:n_frames], all_labels[:n_frames])
+    assert events == [event for event in all_events if event.frame < n_frames]
+    assert segmenter._stream.scale == pickle.loads(pickles[n_frames])._stream.scale
 
 
-def test_what_enters_gets_a_new_number_within_a_second():
-    movie = film(n_frames=46, path=enter)
+@pytest.fixture(scope="module")
+def come_and_gone():
+    """A film of a thing that stops, and of one that enters; its labels and events."""
+    films = [
+        film(49, n_static=45, n_moving=18, path=path, seed=seed)
+        for seed, path in enumerate([stop_and_go, enter])
+    ]
+    movie = together(*films)
     table, events, _ = play(movie)
-    thing = movie.things == 1
+    return movie, table, events
+
+
+def test_what_enters_gets_a_new_number_within_a_second(come_and_gone):
+    movie, table, events = come_and_gone
+    thing = movie.things == 2
     shown = table[45, thing & movie.seen[:, 45]]
-    assert (shown == 1).mean() > 0.9
-    assert [e.kind for e in events] == ["start", "new"]
+    assert (shown == 2).mean() > 0.9
+    assert kinds(events) == ["start", "new"]
     entered = np.flatnonzero(movie.seen[thing].sum(axis=0) >= 6)[0]
-    assert events[1].frame <= entered + 25
-    assert (table[10:, ~thing] <= 0).all()
+    assert entered < events[1].frame <= entered + 25
+    assert (table[10:, ~thing] <= 1).all()
 
 
-def test_what_stops_keeps_its_number():
-    movie = film(n_frames=49, path=stop_and_go)
-    table, events, _ = play(movie)
-    assert kinds(events) == ["start"]
+def test_what_stops_keeps_its_number(come_and_gone):
+    movie, table, events = come_and_gone
+    assert kinds(events) == ["start", "new"]  # and that is what enters
     thing = movie.things == 1
     for frame in (11, 25, 40, 48):
         shown = table[frame, thing & movie.seen[:, frame]]
         assert (shown == 1).mean() > 0.9, frame
+    assert (table[10:, movie.things == 0] <= 0).all()
 
 
 def test_no_more_numbers_than_motions():
-    movie = film(n_frames=40, path=enter)
+    movie = film(40, n_static=45, n_moving=18, path=enter)
     table, events, _ = play(movie, OnlineMotionSegmenter(1, random_state=0))
     assert kinds(events) == ["start"]
     assert table.max() == 0
 
 
-def test_track_that_comes_back_is_the_same(started_by_graph):
+def gone_for_a_while():
+    """A film of a thing that is gone longer than what is in view is remembered."""
     movie = film(n_frames=32)
+    seen = movie.seen.copy()
+    seen[movie.things == 1, 16:30] = False
+    return movie._replace(seen=seen)
+
+
+def test_track_that_comes_back_is_the_same(started_by_graph):
+    movie = gone_for_a_while()
     _, seen, things = movie
-    seen = seen.copy()
-    seen[things == 1, 16:30] = False  # longer than what is in view is remembered
-    table, events, _ = play(movie._replace(seen=seen))
+    table, events, _ = play(movie)
     before, back = seen[:, 11:16].any(axis=1), seen[:, 30:].all(axis=1)
     back &= before & (things == 1)
     assert back.sum() >= 3
@@ -353,7 +373,7 @@ def test_too_few_tracks_to_begin_with_are_of_no_motion():
 @pytest.mark.slow
 def test_memory_does_not_depend_on_the_number_of_frames(started_by_graph):
     """Once the first fifty frames, which are kept to be searched again, are gone."""
-    movie = film(n_frames=120, n_static=300, n_moving=100, life=22)
+    movie = film(n_frames=120, n_static=150, n_moving=60, life=22)
     segmenter, sizes = OnlineMotionSegmenter(random_state=0), []
     for frame in range(120):
         segmenter.update(*movie.frame(frame))
@@ -413,16 +433,14 @@ def test_points_may_be_of_any_precision(dtype):
     assert_array_equal(OnlineMotionSegmenter().update(points, [7, 9]), [-1, -1])
 
 
-def test_numbers_of_labels_are_of_motions_in_view():
+def test_numbers_of_labels_are_of_motions_in_view(started_by_graph):
     """Also while tracks that were seen before are back, and their motion is not yet."""
-    X, y = make_rigid_motions(90, 70, 2, missing=0, random_state=4)
-    points, _ = unpack_tracks(X)
-    segmenter, back = OnlineMotionSegmenter(random_state=0), set()
-    for frame in range(55):
-        ids = np.flatnonzero((y != 1) | (frame < 25) | (frame >= 50))
-        labels = segmenter.update(points[ids, frame], ids)
+    movie, segmenter = gone_for_a_while(), OnlineMotionSegmenter(random_state=0)
+    back = set()
+    for frame in range(movie.n_frames):
+        labels = segmenter.update(*movie.frame(frame))
         assert set(labels[labels >= 0]) <= set(segmenter.motions_)
         assert segmenter.n_motions_ == len(segmenter.motions_)
-        if frame >= 50:
+        if frame >= 30:
             back |= set(labels[labels > 0])
     assert back

@@ -76,6 +76,16 @@ def film(
     return Film(points, seen, np.repeat([0, 1], [n_static, n_moving]))
 
 
+def together(one, other):
+    """A film, with the thing of another one before the same camera, as thing 2."""
+    thing = other.things == 1
+    return Film(
+        np.concatenate([one.points, other.points[thing]]),
+        np.concatenate([one.seen, other.seen[thing]]),
+        np.concatenate([one.things, 2 * other.things[thing]]),
+    )
+
+
 def camera_path(n_frames):
     """Sways, so that it can be filmed for as long as one likes."""
     frames = np.arange(n_frames)[:, None]
