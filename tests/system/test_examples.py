@@ -59,18 +59,65 @@ def table_after(title, printed):
     return header.split(), {row[0]: row[1:] for row in cells if len(row) == 4}
 
 
-swept_once = pytest.mark.xdist_group("sweep")  # by one of the workers
-tuned_once = pytest.mark.xdist_group("tuning")
-drawn_once = pytest.mark.xdist_group("figures")
-tracked_once = pytest.mark.xdist_group("trackers")
+run_once = pytest.mark.xdist_group("examples")  # by one of the workers
+
+
+def write_regions(data):
+    """Clips of regions whose masks are the truth around each point of frame 0."""
+    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
+        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
+        home = data / "FBMS59" / part / f"scene{seed}"
+        image = np.full((720, 1280), 255, dtype=np.uint8)
+        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
+            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
+        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
+        write_tracks(home / "Tracks6.dat", X, y)
+
+
+def write_tracks_of_cotracker(path):
+    """A file of CoTracker's names, written by someone else."""
+    X, _ = make_rigid_motions(38, 7, 2, missing=0, random_state=1)
+    points, visibility = unpack_tracks(X)
+    np.savez(path, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
 
 
 @pytest.fixture(scope="module")
-def sweep():
-    return run("sweep", "--quick")
+def folders(tmp_path_factory):
+    """Where the runs of examples write to, and what they are given."""
+    names = ("data", "scenes", "regions", "all", "one", "trackers")
+    folders = {name: tmp_path_factory.mktemp(name) for name in names}
+    write_regions(folders["data"])
+    write_tracks_of_cotracker(folders["trackers"] / "mine.npz")
+    return folders
 
 
-@swept_once
+@pytest.fixture(scope="module")
+def printed(folders):
+    """What the examples print, by a name of the run."""
+    motions, mine = (folders["trackers"] / name for name in ("motions", "mine.npz"))
+    only = ("--only", "method-costs")
+    commands = {
+        "sweep": ("sweep", "--quick"),
+        "scenes": ("tune", "--quick", "--out", folders["scenes"]),
+        "regions": (
+            *("tune", "--quick", "--out", folders["regions"]),
+            *("--data", folders["data"]),
+        ),
+        "all": ("figures", "--quick", "--out", folders["all"]),
+        "one": ("figures", "--quick", "--out", folders["one"], *only),
+        "cotracker": ("cotracker", "--out", motions),
+        "tapir": ("tapir",),
+        "mine": ("cotracker", mine),
+    }
+    return dict(zip(commands, run_several(*commands.values()), strict=True))
+
+
+@pytest.fixture
+def sweep(printed):
+    return printed["sweep"]
+
+
+@run_once
 @pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
 def test_sweep_prints_each_parameter_by_model_subset(sweep, title):
     header, rows = table_after(title, sweep)
@@ -79,14 +126,14 @@ def test_sweep_prints_each_parameter_by_model_subset(sweep, title):
     assert all(cell.endswith("%") for row in rows.values() for cell in row)
 
 
-@swept_once
+@run_once
 @pytest.mark.parametrize("title", ["lambda, ", "gamma, ", "delta, "])
 def test_both_ways_to_sweep_give_the_same_numbers(sweep, title):
     _, by_pipeline, by_segmenter = re.split(r"^[12]\. .*$", sweep, flags=re.M)
     assert table_after(title, by_pipeline) == table_after(title, by_segmenter)
 
 
-@swept_once
+@run_once
 def test_sweep_finds_one_setting_for_many_sequences(sweep):
     many = sweep[sweep.index("3. One setting for many sequences") :]
     best = re.search(r"best: (\S+), delta (\S+), lambda \S+: error (\S+%)", many)
@@ -108,33 +155,9 @@ def read_settings(folder):
         return list(csv.DictReader(file))
 
 
-@pytest.fixture(scope="module")
-def tuned(tmp_path_factory):
-    """What tuning prints and its folder: of synthetic scenes, and of regions.
-
-    The masks of the regions are the synthetic truth around each point of the first
-    frame.
-    """
-    data = tmp_path_factory.mktemp("data")
-    for part, seed in (("Trainingset", 0), ("Trainingset", 1), ("Testset", 2)):
-        X, y = make_rigid_motions(60, 6, 2, missing=0, random_state=seed)
-        home = data / "FBMS59" / part / f"scene{seed}"
-        image = np.full((720, 1280), 255, dtype=np.uint8)
-        for (column, row), label in zip(X[:, :2].astype(int), y, strict=True):
-            image[row - 2 : row + 3, column - 2 : column + 3] = (255, 40)[label]
-        write_definition(home, [255, 40], 6, {0: ("first.pgm", image)})
-        write_tracks(home / "Tracks6.dat", X, y)
-    folders = {name: tmp_path_factory.mktemp(name) for name in ("scenes", "regions")}
-    printed = run_several(
-        ("tune", "--quick", "--out", folders["scenes"]),
-        ("tune", "--quick", "--out", folders["regions"], "--data", data),
-    )
-    return dict(zip(folders, zip(printed, folders.values(), strict=True), strict=True))
-
-
-@tuned_once
-def test_tuning_chooses_on_some_sequences_and_judges_on_others(tuned):
-    printed, folder = tuned["scenes"]
+@run_once
+def test_tuning_chooses_on_some_sequences_and_judges_on_others(printed, folders):
+    printed, folder = printed["scenes"], folders["scenes"]
     assert "4 sequences to choose on, 2 to judge on" in printed
     rows = read_settings(folder)
     errors = [float(row["error (%)"]) for row in rows]
@@ -146,29 +169,16 @@ def test_tuning_chooses_on_some_sequences_and_judges_on_others(tuned):
     assert (folder / "errors.png").stat().st_size > 5000
 
 
-@tuned_once
-def test_tuning_scores_regions_by_the_f_measure(tuned):
-    printed, folder = tuned["regions"]
-    assert "2 sequences to choose on, 1 to judge on" in printed
+@run_once
+def test_tuning_scores_regions_by_the_f_measure(printed, folders):
+    assert "2 sequences to choose on, 1 to judge on" in printed["regions"]
     # Two rigid motions without noise of the tracker: nearly nothing is missed.
-    assert float(read_settings(folder)[0]["error (%)"]) < 10
+    assert float(read_settings(folders["regions"])[0]["error (%)"]) < 10
 
 
-@pytest.fixture(scope="module")
-def drawn(tmp_path_factory):
-    """What is printed of all figures and of one of them, and the folders of both."""
-    folders = [tmp_path_factory.mktemp(name) for name in ("all", "one")]
-    printed = run_several(
-        ("figures", "--quick", "--out", folders[0]),
-        ("figures", "--quick", "--out", folders[1], "--only", "method-costs"),
-    )
-    return list(zip(printed, folders, strict=True))
-
-
-@drawn_once
-def test_figures_are_drawn(drawn):
-    printed, folder = drawn[0]
-    names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed, flags=re.M)
+@run_once
+def test_figures_are_drawn(printed, folders):
+    names = re.findall(r"^wrote .*?([\w-]+)\.png$", printed["all"], flags=re.M)
     assert names == [
         "method-motions",
         "method-costs",
@@ -181,40 +191,23 @@ def test_figures_are_drawn(drawn):
         "weights-subset",
         "errors",
     ]
-    assert all((folder / f"{n}.png").stat().st_size > 5000 for n in names)
+    assert all((folders["all"] / f"{n}.png").stat().st_size > 5000 for n in names)
 
 
-@drawn_once
-def test_single_figures_are_drawn(drawn):
-    printed, folder = drawn[1]
-    assert re.findall(r"([\w-]+)\.png$", printed, flags=re.M) == ["method-costs"]
-    assert [path.name for path in folder.iterdir()] == ["method-costs.png"]
+@run_once
+def test_single_figures_are_drawn(printed, folders):
+    names = re.findall(r"([\w-]+)\.png$", printed["one"], flags=re.M)
+    assert names == ["method-costs"]
+    assert [path.name for path in folders["one"].iterdir()] == ["method-costs.png"]
 
 
 # --------------------------------------------------------------------- point trackers
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """What each tracker's example prints, and the folder that CoTracker's writes to.
-
-    And what is printed of a file of CoTracker's names, written by someone else.
-    """
-    folder = tmp_path_factory.mktemp("trackers")
-    X, _ = make_rigid_motions(38, 7, 2, missing=0, random_state=1)
-    points, visibility = unpack_tracks(X)
-    mine, motions = folder / "mine.npz", folder / "motions"
-    np.savez(mine, pred_tracks=points.swapaxes(0, 1), pred_visibility=visibility.T)
-    printed = run_several(
-        ("cotracker", "--out", motions), ("tapir",), ("cotracker", mine)
-    )
-    return dict(zip(("cotracker", "tapir", "mine"), printed, strict=True)), motions
-
-
-@tracked_once
+@run_once
 @pytest.mark.parametrize("tracker", ["cotracker", "tapir"])
-def test_files_of_trackers_are_segmented(tracker, written):
-    printed = written[0][tracker]
+def test_files_of_trackers_are_segmented(tracker, printed):
+    printed = printed[tracker]
     assert "120 tracks in 8 frames" in printed
     sizes = [int(n) for n in re.findall(r"^motion \d: (\d+) tracks$", printed, re.M)]
     assert len(sizes) == 3
@@ -222,18 +215,18 @@ def test_files_of_trackers_are_segmented(tracker, written):
     assert sizes == sorted(sizes, reverse=True)
 
 
-@tracked_once
-def test_the_tracks_of_cotracker_come_back_by_motion(written):
-    printed, folder = written[0]["cotracker"], written[1]
+@run_once
+def test_the_tracks_of_cotracker_come_back_by_motion(printed, folders):
+    printed, folder = printed["cotracker"], folders["trackers"] / "motions"
     paths = [Path(path) for path in re.findall(r"^wrote (.*)$", printed, flags=re.M)]
     assert paths == [folder / f"motion_{m}.npz" for m in range(3)]
     sizes = [len(load_tracks(path).data) for path in paths]
     assert sizes == [int(n) for n in re.findall(r"motion \d: (\d+)", printed)]
 
 
-@tracked_once
-def test_a_file_of_ones_own(written):
-    assert "38 tracks in 7 frames" in written[0]["mine"]
+@run_once
+def test_a_file_of_ones_own(printed):
+    assert "38 tracks in 7 frames" in printed["mine"]
 
 
 @pytest.mark.xdist_group("dask")
