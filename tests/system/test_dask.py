@@ -110,7 +110,7 @@ def test_models_are_fitted_on_the_cluster(scene, dask, cluster, monkeypatch):
     X, _ = scene
 
     def fit():
-        segmenter = MotionSegmenter(max_motions=3, n_jobs=2, **SMALL)
+        segmenter = MotionSegmenter(max_motions=3, n_jobs=2, **QUICK)
         segmenter.fit(X[::2, :6])
         return segmenter.labels_, segmenter.costs_, segmenter.predict(X[1::2, :6])
 
