@@ -132,7 +132,7 @@ def test_one_motion_is_found_in_nearly_all_scenes(shapes, camera):
 def test_motions_are_searched_again_without_many_outliers(
     outliers, n_searches, monkeypatch
 ):
-    X, y = make_rigid_motions(200, 10, 3, outliers=outliers, random_state=0)
+    X, y = make_rigid_motions(120, 8, 2, outliers=outliers, random_state=0)
     by_rigid_motion, searched = search._by_rigid_motion, []
 
     def noted(clip, *args):
@@ -152,7 +152,7 @@ def test_motions_are_searched_again_without_many_outliers(
 
 @pytest.mark.parametrize("outliers, is_warned_of", [(0.3, False), (0.8, True)])
 def test_tracks_that_are_mostly_outliers_are_warned_of(outliers, is_warned_of):
-    X, _ = make_rigid_motions(120, 12, 2, outliers=outliers, random_state=1)
+    X, _ = make_rigid_motions(80, 8, 2, outliers=outliers, random_state=1)
     segmenter = MotionSegmenter(random_state=0)
     if is_warned_of:
         with pytest.warns(

@@ -9,6 +9,7 @@ import re
 import struct
 import zipfile
 import zlib
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -85,15 +86,17 @@ def write_videos(folder):
         assert cv2.imwrite(str(folder / ending / f"0.{ending}"), frames[0])
 
 
-@pytest.mark.parametrize("write", [write_track_files, write_masks, write_videos])
 @pytest.mark.parametrize(
     "every_percent, n_flips, seconds",
-    [(10, 60, 120), pytest.param(1, 2000, 1800, marks=pytest.mark.long)],
+    [(10, 60, 240), pytest.param(1, 2000, 5400, marks=pytest.mark.long)],
 )
 def test_damaged_files_are_read_or_refused_in_words(
-    write, every_percent, n_flips, seconds, tmp_path
+    every_percent, n_flips, seconds, tmp_path
 ):
-    write(tmp_path)
+    write_track_files(tmp_path)
+    for write in (write_masks, write_videos):
+        with suppress(pytest.skip.Exception):  # by what is not installed
+            write(tmp_path)
     done = run_limited("damage.py", tmp_path, every_percent, n_flips, seconds=seconds)
     last = (tmp_path / "damaged" / "current").read_text()
     assert done.returncode == 0, f"at {last}: {done.stderr[-2000:]}"
@@ -116,7 +119,7 @@ def npy_header(shape, dtype="<f8"):
 def npz_of(path, content, name="X.npy"):
     """A .npz of one member; content in parts, for what is larger than memory."""
     with (
-        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive,
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive,
         archive.open(name, "w", force_zip64=True) as file,
     ):
         for part in content:
@@ -202,7 +205,7 @@ def mat_bomb(path):
     """A quarter of a gibibyte of zeros, compressed."""
     start = matrix(6, (2**25, 1), name=b"y")[8:]
     head = struct.pack("<II", 14, len(start) + 8 + 2**28)
-    packer = zlib.compressobj()
+    packer = zlib.compressobj(1)
     data = packer.compress(head + start + struct.pack("<II", 9, 2**28))
     data += b"".join(packer.compress(ZEROS) for _ in range(2**8)) + packer.flush()
     mat(struct.pack("<II", 15, len(data)) + data)(path)
