@@ -223,7 +223,7 @@ def test_a_fit_leaves_nothing_of_the_one_before(X):
         segmenter.predict(short)
 
 
-def glimpsed(n_frames=130, n_tracks=40):
+def glimpsed(n_frames=104, n_tracks=40):
     """Tracks of the first frames, then a glimpse of two in each, and later ones."""
     rng = np.random.RandomState(0)
     points = rng.uniform(0, 800, (n_tracks, 1, 2)) + rng.normal(
@@ -238,22 +238,28 @@ def glimpsed(n_frames=130, n_tracks=40):
     return pack_tracks(np.concatenate([early, late]))
 
 
-@pytest.mark.parametrize("n_landmarks", ["auto", 30])
-def test_window_without_tracks_is_one_without_motions(n_landmarks):
-    segmenter = MotionSegmenter(n_landmarks=n_landmarks, n_hypotheses=30)
-    segmenter.set_params(random_state=0).fit(glimpsed())
+@pytest.mark.parametrize(
+    "n_landmarks, selection", [("auto", "description_length"), (30, "ncre")]
+)
+def test_window_without_tracks_is_one_without_motions(n_landmarks, selection):
+    segmenter = MotionSegmenter(n_landmarks=n_landmarks, selection=selection)
+    segmenter.set_params(n_hypotheses=30, random_state=0).fit(glimpsed())
     assert segmenter.window_counts_.min() == 0
     assert (segmenter.labels_ == 0).all()
 
 
-@pytest.mark.parametrize("n_before", [50, 64])
-def test_motions_before_and_after_a_cut_are_two_in_whatever_place_they_are(n_before):
+@pytest.mark.parametrize(
+    "n_before, selection", [(50, "description_length"), (50, "ncre"), (64, "ncre")]
+)
+def test_motions_before_and_after_a_cut_are_two_in_whatever_place_they_are(
+    n_before, selection
+):
     rng = np.random.default_rng(0)
     swaying = np.sin(np.arange(60 + n_before) / 20)[:, None] * [20.0, 10.0]
     points = rng.uniform(0, [800, 600], (80, 1, 2)) + swaying
     points += rng.normal(scale=0.2, size=points.shape)
     points[:40, n_before:] = points[40:, :n_before] = np.nan
-    segmenter = MotionSegmenter(n_hypotheses=30, random_state=0)
+    segmenter = MotionSegmenter(selection=selection, n_hypotheses=30, random_state=0)
     labels = segmenter.fit_predict(pack_tracks(points))
     assert len(set(labels[:40])) == len(set(labels[40:])) == 1
     assert labels[0] != labels[40]
