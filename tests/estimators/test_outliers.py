@@ -132,7 +132,7 @@ def test_one_motion_is_found_in_nearly_all_scenes(shapes, camera):
 def test_motions_are_searched_again_without_many_outliers(
     outliers, n_searches, monkeypatch
 ):
-    X, y = make_rigid_motions(120, 8, 2, outliers=outliers, random_state=0)
+    X, y = make_rigid_motions(150, 8, 2, outliers=outliers, random_state=0)
     by_rigid_motion, searched = search._by_rigid_motion, []
 
     def noted(clip, *args):
