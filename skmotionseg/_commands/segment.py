@@ -83,7 +83,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "--report": {
         "type": Path,
         "help": "draw the motions, the models that explain them and the cost of each "
-        "number of motions: .png, .pdf, .svg or .jpg",
+        f"number of motions, of clips of up to {LONG_CLIP} frames: .png, .pdf, .svg or "
+        ".jpg",
     },
 }
 VIDEO_OPTIONS: dict[str, dict[str, Any]] = {
