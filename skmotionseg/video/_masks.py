@@ -275,14 +275,15 @@ class _Painter:
 
         Nor has a motion come into view, or gone.
         """
-        first = self._tracks_in(0)
+        first = before = self._tracks_in(0)
         shown = np.unique(self._labels[first[0]])
         for number in range(1, n_frames):
-            before, now = self._tracks_in(number - 1), self._tracks_in(number)
+            now = self._tracks_in(number)
             rests = self._movement(before, now) < MOST_STILL
             rests &= self._movement(first, now) < MOST_SINCE_FIRST
             if not (rests and np.array_equal(np.unique(self._labels[now[0]]), shown)):
                 return number - 1
+            before = now
         return max(n_frames - 2, 0)
 
     def _movement(self, before, now):
