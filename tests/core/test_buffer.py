@@ -58,6 +58,20 @@ def test_tracks_of_a_candidate_show_the_label_of_before():
     assert_array_equal(buffer.labels, [0, 1, -1])
 
 
+def test_frames_count_for_which_tracks_have_followed_their_motion():
+    buffer = TrackBuffer(3)
+    pushed(buffer, [0, 1, 2])
+    buffer.follow(np.array([4, 4, 5]))
+    for _ in range(2):
+        pushed(buffer, [0, 1, 2])
+        buffer.follow(np.array([4, 5, 5]))
+    pushed(buffer, [0, 1, 2, 3])
+    assert_array_equal(buffer.followed, [3, 2, 3, 0])
+    buffer.add_motion()
+    buffer.settle(np.array([0, 1]), 4, 0)
+    assert_array_equal(buffer.followed, [3, 0, 3, 0])
+
+
 def test_nothing_speaks_against_a_label_that_is_settled():
     buffer = TrackBuffer(3)
     pushed(buffer, [0, 1, 2])

@@ -177,6 +177,14 @@ def test_groups_go_on_with_what_most_of_their_tracks_had():
     assert going_on(np.zeros((2, 0), dtype=int), []) == {}
 
 
+def test_what_tells_which_group_goes_on_may_be_another_thing_than_tracks():
+    shared, evidence = np.array([[1, 20], [0, 25]]), np.array([[9, 400], [0, 175]])
+    assert going_on(shared, [0, 4]) == {1: 4}
+    assert going_on(shared, [0, 4], evidence) == {0: 4}
+    few = np.array([[1, 2], [0, 25]])
+    assert going_on(few, [0, 4], evidence) == {}  # too few tracks, whatever they tell
+
+
 def test_where_all_are_given_and_none_is_likely_it_is_the_likeliest():
     numbers = Numbers()
     for number, x in enumerate((0.0, 10.0, 600.0)):

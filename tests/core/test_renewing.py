@@ -25,7 +25,8 @@ def following(*numbers_and_sizes):
     """A buffer whose tracks follow motions: so many each."""
     numbers, sizes = zip(*numbers_and_sizes, strict=True)
     labels = np.repeat(numbers, sizes)
-    return SimpleNamespace(ids=10 * np.arange(len(labels)), labels=labels)
+    n = len(labels)
+    return SimpleNamespace(ids=10 * np.arange(n), labels=labels, followed=np.full(n, 9))
 
 
 def test_groups_are_of_tracks_that_are_in_view():
@@ -56,6 +57,14 @@ def test_groups_have_numbers_of_motions_and_leave_alone_what_the_search_missed()
     assert_array_equal(groups[1], np.arange(30, 50))
     _, numbers = recognised(buffer, living(0), [scene, with_some_of_7])
     assert_array_equal(numbers, [0, -1])
+
+
+def test_a_motion_goes_on_in_those_that_have_followed_it_for_longer():
+    buffer = following((0, 30), (4, 45))
+    scene, old, new = np.arange(30), np.arange(30, 50), np.arange(50, 75)
+    buffer.followed[old] = 20
+    _, numbers = recognised(buffer, living(0, 4), [scene, new, old])
+    assert_array_equal(numbers, [0, -1, 4])
 
 
 @pytest.mark.parametrize(

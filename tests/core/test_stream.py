@@ -6,13 +6,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers.films import SIZE, film
+from helpers.films import SIZE, drive, film, together
 from numpy.testing import assert_array_equal
 
 from skmotionseg._core.stream.identities import Trace
 from skmotionseg._core.stream.living import LivingMotion
 from skmotionseg._core.stream.starting import SEARCHED_AGAIN
-from skmotionseg._core.stream.stream import FIRST_FRAMES, MotionStream
+from skmotionseg._core.stream.stream import FIRST_FRAMES, FIRST_SEEN, MotionStream
 
 
 def told(movie, known=lambda things, n_frames: things):
@@ -427,6 +427,34 @@ def test_frames_that_see_nothing_of_before_are_noted_once():
         _, events = stream.step(np.zeros((len(ids), 2)), ids, None)
         happened.append([event.kind for event in events])
     assert happened == [[], [], ["empty"], ["break"], [], ["resumed"], []]
+
+
+def test_what_enters_and_is_taken_for_another_thing_is_searched_for(monkeypatch):
+    """Where it does not even become a candidate."""
+    prefix = "skmotionseg._core.stream.stream."
+    monkeypatch.setattr(prefix + "find_candidate", lambda *args: (None, np.arange(0)))
+    for module in (prefix, "skmotionseg._core.stream.starting."):
+        monkeypatch.setattr(module + "SEARCHED_AGAIN", ())
+    entering = film(
+        26, path=lambda frame: drive(frame) + [0, 1.8, 0.08 * (frame - 12)], seed=1
+    )
+    entering.seen[entering.things == 1, :12] = False
+    movie = together(film(26), entering)
+    stream = MotionStream(None, np.random.RandomState(0))
+
+    def partition(points, seen, n_living):
+        often = stream.buffer.seen.sum(axis=1) >= FIRST_SEEN
+        return movie.things[stream.buffer.ids[often]]
+
+    happened = []
+    for frame in range(movie.n_frames):
+        points, ids = movie.frame(frame)
+        labels, events = stream.step(points, ids, partition)
+        happened += [(event.kind, event.frame) for event in events]
+    assert happened[0] == ("start", FIRST_FRAMES - 1)
+    assert [kind for kind, _ in happened[1:]] == ["new"]
+    assert 12 < happened[1][1] <= 22
+    assert (labels == movie.things[ids]).mean() > 0.97
 
 
 def test_few_tracks_are_not_searched_again():

@@ -153,12 +153,17 @@ def are_mixed(points, groups):
         each other.
     """
     first, second = (np.isin(np.arange(len(points)), rows) for rows in groups)
-    k = min(N_NEIGHBOURS + 1, len(points))
-    _, near = KDTree(points).query(points, k)
-    near = near.reshape(len(points), k)[:, 1:]
+    near = nearest_in_picture(points, np.arange(len(points)))
     links = second[near[first]].sum() + first[near[second]].sum()
-    chance = 2 * (k - 1) * first.sum() * second.sum() / len(points)
+    chance = 2 * near.shape[1] * first.sum() * second.sum() / len(points)
     return links > MIXED * chance
+
+
+def nearest_in_picture(points, rows):
+    """The neighbours (n_rows, k) of some of the points (n, 2) among all of them."""
+    k = min(N_NEIGHBOURS + 1, len(points))
+    _, near = KDTree(points).query(points[rows], k)
+    return near.reshape(len(rows), k)[:, 1:]
 
 
 def _spread(rows):

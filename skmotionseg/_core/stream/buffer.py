@@ -26,6 +26,8 @@ class TrackBuffer:
     seen : ndarray of bool, shape (n, length)
     labels : ndarray of int, shape (n,)
         Number of each track's motion, -1 for none yet; less for a candidate.
+    followed : ndarray of int, shape (n,)
+        Frames for which each track has had this label.
     before : ndarray of int, shape (n,)
         Label before a candidate took the track.
     former : ndarray of int, shape (n,)
@@ -47,6 +49,7 @@ class TrackBuffer:
         self.points = np.empty((0, length, 2))
         self.seen = np.empty((0, length), dtype=bool)
         self.labels = np.empty(0, dtype=np.int64)
+        self.followed = np.empty(0, dtype=np.int64)
         self.before = np.empty(0, dtype=np.int64)
         self.former = np.empty(0, dtype=np.int64)
         self.held = np.empty(0, dtype=bool)
@@ -82,6 +85,7 @@ class TrackBuffer:
         self.points = _grown(_shifted(self.points[kept]), n_new, 0)[order]
         self.seen = _grown(_shifted(self.seen[kept]), n_new, False)[order]
         self.labels = _grown(self.labels[kept], n_new, UNKNOWN)[order]
+        self.followed = _grown(self.followed[kept] + 1, n_new, 0)[order]
         self.before = _grown(self.before[kept], n_new, UNKNOWN)[order]
         self.former = _grown(self.former[kept], n_new, UNKNOWN)[order]
         self.held = _grown(self.held[kept], n_new, False)[order]
@@ -100,6 +104,7 @@ class TrackBuffer:
     def follow(self, labels):
         """Set labels; tracks that go to a candidate keep those of before in mind."""
         self.held &= self.labels == labels
+        self.followed = np.where(self.labels == labels, self.followed, 0)
         self.before, self.labels = self.shown(), labels
         changed = (self.before != self.shown()) & (self.before > UNKNOWN)
         self.former = np.where(changed, self.before, self.former)
@@ -144,6 +149,7 @@ class TrackBuffer:
         label, column : int
             Of the motion, and where it is in the memory.
         """
+        self.followed[rows[self.labels[rows] != label]] = 0
         self.labels[rows], self.outlying[rows] = label, False
         self.held[rows] = True
         own = self.memory[rows, column][:, None]

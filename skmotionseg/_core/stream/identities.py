@@ -146,7 +146,7 @@ def _log_normal(value, mean, variance):
     return -((value - mean) ** 2 / variance + np.log(2 * np.pi * variance)) / 2
 
 
-def going_on(shared, living):
+def going_on(shared, living, evidence=None):
     """Number of each group that goes on: {group: number}.
 
     Parameters
@@ -154,10 +154,12 @@ def going_on(shared, living):
     shared : ndarray of int, shape (n_groups, n_living)
         Tracks of each group that had each of these numbers.
     living : list of int
+    evidence : ndarray of shape (n_groups, n_living), optional
+        What tells which group goes on, if not the tracks. These must be enough.
     """
     if not shared.size:
         return {}
-    rows, columns = linear_sum_assignment(-shared)
+    rows, columns = linear_sum_assignment(-(shared if evidence is None else evidence))
     known = np.minimum(shared.sum(axis=1)[:, None], shared.sum(axis=0))
     return {
         int(k): living[j]

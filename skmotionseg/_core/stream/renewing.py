@@ -51,7 +51,9 @@ def shared_tracks(buffer, motions, groups):
 def recognised(buffer, motions, groups):
     """Groups and their numbers, if they are motions that live.
 
-    Tracks of motions that are no group remain where they are.
+    Of groups that have followed one motion, it goes on in that whose tracks have for
+    most frames: another came later, and was taken for it. Tracks of motions that are no
+    group remain where they are.
 
     Parameters
     ----------
@@ -67,7 +69,14 @@ def recognised(buffer, motions, groups):
         -1 for a group that is new.
     """
     shared, living = shared_tracks(buffer, motions, groups)
-    known = going_on(shared, living)
+    frames = [
+        [
+            buffer.followed[rows[buffer.labels[rows] == number]].sum()
+            for number in living
+        ]
+        for rows in groups
+    ]
+    known = going_on(shared, living, np.reshape(frames, shared.shape))
     kept = sorted(set(living) - set(known.values()))
     left = [rows[~np.isin(buffer.labels[rows], kept)] for rows in groups]
     return left, np.array([known.get(k, UNKNOWN) for k in range(len(groups))])

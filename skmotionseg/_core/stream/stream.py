@@ -18,6 +18,7 @@ from .births import (
 )
 from .buffer import UNKNOWN, TrackBuffer
 from .calibration import FRAMES_PER_ESTIMATE
+from .doubts import Doubts
 from .following import (
     are_doubtful,
     are_outliers,
@@ -108,7 +109,9 @@ class MotionStream:
     size : ndarray of shape (2,)
         Of the picture, pixels: of what the first tracks cover.
     beginning : Beginning or None
-        All frames, until the last search.
+        All frames, until the last search of all.
+    doubts : Doubts
+        Whether the last frames are to be searched.
     """
 
     def __init__(self, n_motions, rng, keep_history=True, focal_length=None):
@@ -123,6 +126,7 @@ class MotionStream:
         self.estimate: Any = None
         self.scale = 0.0
         self.beginning: Any = Beginning()
+        self.doubts = Doubts()
         self.broken = 0  # frames in which no track of before goes on
 
     def step(self, points, ids, partition):
@@ -196,7 +200,7 @@ class MotionStream:
     def _start(self, partition):
         """Find motions among the tracks of the first frames."""
         if self.beginning is None:
-            self.beginning = Beginning.of(self.buffer, LENGTH)
+            self.beginning = self._last_frames()
         del self.beginning.frames[:-LENGTH]
         if len(self.beginning) < FIRST_FRAMES:
             return []
@@ -240,12 +244,11 @@ class MotionStream:
         return number, again
 
     def _search_again(self, partition):
-        """Search all frames, as long as they are few, for motions that were missed."""
-        beginning = self.beginning
-        if beginning is None or len(beginning) not in SEARCHED_AGAIN:
+        """Search for motions that were missed, or are taken for one with another."""
+        beginning = self._searched_again()
+        if beginning is None:
             return []
-        if beginning.is_over:
-            self.beginning = None
+        self.doubts.close(self.frame)
         ids, points, seen = beginning.tracks()
         often = seen.sum(axis=1) >= FIRST_SEEN
         if often.sum() < FIRST_TRACKS:
@@ -256,8 +259,22 @@ class MotionStream:
         labels[often] = partition(straight, seen[often], n_living)
         return self._renew(ids, labels) if labels.max() > UNKNOWN else []
 
+    def _searched_again(self):
+        """Frames that are searched now: all, as long as they are few, or the last."""
+        beginning = self.beginning
+        if beginning is not None and len(beginning) in SEARCHED_AGAIN:
+            if beginning.is_over:
+                self.beginning = None
+            return beginning
+        soon = beginning is not None and beginning.is_searched_soon
+        due = self.doubts.is_due(self.frame) and not soon
+        return self._last_frames() if due else None
+
+    def _last_frames(self):
+        return Beginning.of(self.buffer, LENGTH)
+
     def _renew(self, ids, labels):
-        """Motions of a new partition of all tracks so far, and those that live.
+        """Motions of a new partition of tracks, and those that live.
 
         Motions that it has as one are merged, unless an earlier one found them, too.
         Others that it misses live on: a search of so few frames misses small things.
@@ -339,6 +356,8 @@ class MotionStream:
         refit(window, self.motions, groups, self.scale, self.frame, anyway=between)
         residuals = self._assign(window, groups)
         residuals, events = self._judge(window, residuals)
+        if self.frame % FRAMES_PER_LOOK == COMPARED_AT:
+            self.doubts.ask_of_entered(self.buffer, self.motions)
         self._look(window, residuals)
         self._calibrate(window)
         if self.broken >= CUT_AFTER:
@@ -438,6 +457,7 @@ class MotionStream:
             decision = verdict(motion, len(rows), known)
             if decision == "joined" and closest[k] not in self.motions:
                 decision = None
+            decision = self.doubts.weighed(decision, motion, len(rows), self.frame)
             if decision == "confirmed":
                 decision = self._confirm(motion, window, events)
             if decision is not None:
@@ -530,7 +550,7 @@ class MotionStream:
         source = self._source(motion)
         joint = self._joint(window, {motion: source})
         if joint:
-            source.fit = joint[motion]
+            source.fit, self.doubts.is_open = joint[motion], True
             return "dropped"
         rows = self._telling(window, motion)
         number, again = self.numbers.of(
