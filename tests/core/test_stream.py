@@ -435,9 +435,12 @@ def test_what_enters_and_is_taken_for_another_thing_is_searched_for(monkeypatch)
     monkeypatch.setattr(prefix + "find_candidate", lambda *args: (None, np.arange(0)))
     for module in (prefix, "skmotionseg._core.stream.starting."):
         monkeypatch.setattr(module + "SEARCHED_AGAIN", ())
-    entering = film(
-        26, path=lambda frame: drive(frame) + [0, 1.8, 0.08 * (frame - 12)], seed=1
-    )
+    beside, speed = np.array([0.0, 1.8, -1.0]), np.array([0, 0, 0.08])
+
+    def path(frame):
+        return drive(frame) + beside + frame * speed
+
+    entering = film(26, path=path, seed=1)
     entering.seen[entering.things == 1, :12] = False
     movie = together(film(26), entering)
     stream = MotionStream(None, np.random.RandomState(0))
