@@ -48,13 +48,17 @@ class OnlineMotionSegmenter(BaseEstimator):
     that no motion explains make a new one, if it explains several of them much better
     than a motion that is there could, and still does so five frames later. What a joint
     motion explains again and again, until it has been a motion of its own for long
-    enough, is joined. The focal length and one coefficient of lens distortion are
-    estimated at the start, and again in every sixth frame.
+    enough, is joined, unless a segmentation of the last frames tells it apart. The
+    focal length and one coefficient of lens distortion are estimated at the start, and
+    again in every sixth frame.
 
     Ten frames do not show all motions, and noise may look like one: after 15, 22, 33
     and 50 frames, all frames so far are segmented again. That adds motions, places
     tracks and joins what is one motion with 80 % or more, unless it was found apart
-    twice. These five updates take seconds, all others a fraction of one.
+    twice. What has just come into view is often explained together with something else
+    that moves. So the last twelve frames are segmented, too, where two motions may be
+    one, or where one has tracks in a new place. Such updates take seconds, all others a
+    fraction of one.
 
     Labels are identities that last. A motion keeps its number as long as it lives, and
     a number is given once. 0 is the static scene. What stops keeps its number, and what

@@ -11,6 +11,7 @@ from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_non_negative, validate_data
 
 from .._core.geometry.tracks import stack_masked
+from .column_names import check_columns
 
 # Constraint of the parameter ``n_jobs``: 0 has no meaning.
 N_JOBS = [
@@ -66,7 +67,8 @@ class TracksInput:
         ------
         TypeError, ValueError
             If ``X`` is not a dense real matrix, has an odd number of columns or
-            fewer than four, or holds infinities.
+            fewer than four, or holds infinities; or if it is a data frame whose columns
+            have names that are not of x and y of each frame, in this order.
         """
         _check_packed(X)
         X = read_matrix(
@@ -106,6 +108,9 @@ def _check_packed(X):
         raise TooFewTracksError(
             f"there are no tracks: X has 0 samples, shape={tuple(shape)}"
         )
+    names = list(getattr(X, "columns", ()))
+    if names and all(isinstance(name, str) for name in names):
+        check_columns([name.strip().lower() for name in names])
 
 
 def unmasked(points):

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-import re
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from textwrap import shorten
 
@@ -14,6 +12,13 @@ import numpy as np
 from sklearn.utils import Bunch
 
 from .._core.geometry.tracks import pack_tracks, unpack_tracks
+from .._utils.column_names import (
+    INDEX_NAMES,
+    LABEL_NAMES,
+    TRACK_NAMES,
+    check_columns,
+    initials,
+)
 from ._mat5 import read_mat5
 from ._moseg import read_moseg_tracks
 from ._sizes import check_table, whole_numbers
@@ -38,9 +43,6 @@ OPTIONS = {
     ".npy": ("layout", "image_size"),
     ".csv": ("image_size",),
 }
-TRACK_NAMES = ("track", "track_id", "id")
-INDEX_NAMES = ("", "unnamed: 0", "index", *TRACK_NAMES)
-LABEL_NAMES = ("label", "labels", "target")
 # Names of the columns of a table with one row per observation.
 OBSERVATION_NAMES = {
     "track": (*TRACK_NAMES, "point", "point_id", "trajectory"),
@@ -52,10 +54,6 @@ OBSERVATION_NAMES = {
     "occluded": ("occluded",),
 }
 NEEDED = ("track", "frame", "x", "y")
-# Names that end in the number of a frame: no dates, and nothing that may have a sign.
-NUMBERED = re.compile(r"[a-z_. ]*?(\d+(?:\.\d+)?)")
-# Names of coordinates as nearly all tables have them.
-COORDINATE = re.compile(r"[xy](?![a-z]).*")
 # Correlation, along both axes, of points with where they were a frame before.
 ALONG = 0.9
 # Share of the rows of a table that go on from the one above, if it is in order.
@@ -402,7 +400,7 @@ def _read_wide(header, rows):
     if len(rows) == 1:
         raise ValueError("there are no tracks below its header")
     table = np.array([[_number(cell) for cell in row] for row in rows[1:]])
-    if _counts_observations(table) and _initials(header) != "xyxy":
+    if _counts_observations(table) and initials(header) != "xyxy":
         raise ValueError(
             "two of its four columns count, as if there were one row per observation: "
             f"name them track, frame, x and y; got {', '.join(header)}"
@@ -418,8 +416,7 @@ def _read_wide(header, rows):
         place = columns.pop(0)
         fields["track_ids"] = _ids([row[place] for row in rows[1:]])
     names = [header[i] for i in columns]
-    _check_coordinates(names)
-    _check_order(names)
+    check_columns(names)
     return {"data": table[:, columns], **fields}
 
 
@@ -472,43 +469,6 @@ def _go_along(points, others):
     one, other = (each[seen] - each[seen].mean(axis=0) for each in (points, others))
     spreads = np.sqrt((one**2).sum(axis=0) * (other**2).sum(axis=0))
     return bool(((one * other).sum(axis=0) > ALONG * spreads).all())
-
-
-def _initials(names):
-    return "".join(name[:1] for name in names)
-
-
-def _check_coordinates(names):
-    """Refuse columns that are no coordinates, as far as their names tell it."""
-    others = [name for name in names if not COORDINATE.fullmatch(name)]
-    if len(others) == len(names):  # named in a way of their own
-        others = [name for name in names if name in (*INDEX_NAMES[1:], *LABEL_NAMES)]
-    if others:
-        raise ValueError(
-            "columns must be x and y of each frame, perhaps after track and label; got "
-            f"{', '.join(map(repr, others[:4]))} among them"
-        )
-    if not names:
-        raise ValueError("there must be columns of x and y of each frame; got none")
-
-
-def _check_order(names):
-    """Refuse columns in another order than ours, as far as their names tell it."""
-    if len(names) % 2:
-        return
-    initials = _initials(names)
-    if set(initials) == {"x", "y"} and initials != "xy" * (len(names) // 2):
-        raise ValueError(
-            "columns must be x and y of the first frame, x and y of the second, and "
-            f"so on; got {', '.join(names[:4])}, ..."
-        )
-    numbered = [found for name in names if (found := NUMBERED.fullmatch(name))]
-    for one, other in pairwise(numbered if len(numbered) == len(names) else ()):
-        if float(one[1]) > float(other[1]):
-            raise ValueError(
-                "columns must be in the order of their frames, by the numbers in their "
-                f"names; got {one[0]} before {other[0]}"
-            )
 
 
 def _is_number(cell):

@@ -183,8 +183,12 @@ def _as_picture(frame, name):
 
 
 def _open_video(path):
-    if not path.is_file():
+    if not path.exists():
         raise FileNotFoundError(f"no video or folder of frames at {path}")
+    if not path.is_file():
+        raise ValueError(
+            f"{path} is no file, and videos are read more than once: save it to a file"
+        )
     if path.suffix.lower() not in VIDEO_ENDINGS:
         raise ValueError(f"videos end in {', '.join(VIDEO_ENDINGS)}; got {path.name!r}")
     if path.stat().st_size == 0:

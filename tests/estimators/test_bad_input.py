@@ -1016,3 +1016,42 @@ def test_a_folder_without_sequences_is_named(load, pattern, tmp_path):
     assert str(tmp_path) in str(error.value)
     with pytest.raises(FileNotFoundError, match=r"no folder .*nowhere"):
         load(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ([f"{axis}{k}" for axis in "xy" for k in range(4)], "x and y of the first"),
+        (["y0", "x0", "y1", "x1", "y2", "x2", "y3", "x3"], "x and y of the first"),
+        (["x1", "y1", "x0", "y0", "x2", "y2", "x3", "y3"], "in the order of their fra"),
+        (["Track", "Label", "x0", "y0", "x1", "y1", "x2", "y2"], "'track', 'label'"),
+        (["a", "b", "c", "d", "e", "f", "g", "label"], "'label' among them"),
+    ],
+)
+def test_data_frames_are_not_read_in_another_order_than_their_names_tell(
+    names, words, no_work
+):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(X, columns=names)
+    for estimator in (MotionSegmenter(2), HypothesisSampler()):
+        with pytest.raises(ValueError, match=words):
+            estimator.fit(frame)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        [f"{axis}{k}" for k in range(4) for axis in "xy"],
+        [f"{axis}_{k}" for k in range(8, 12) for axis in "XY"],
+        [f"x{k}" for k in range(8)],  # as scikit-learn names what has no names
+        list("abcdefgh"),
+        range(8),
+    ],
+)
+def test_data_frames_may_have_other_names(names):
+    pandas = pytest.importorskip("pandas")
+    sampler = HypothesisSampler(n_hypotheses=5, random_state=0)
+    frame = pandas.DataFrame(X, columns=names)
+    np.testing.assert_array_equal(
+        sampler.fit_transform(frame), sampler.fit_transform(X)
+    )

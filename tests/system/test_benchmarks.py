@@ -13,6 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks import (
     apartness,
+    entering,
     floor,
     growth,
     imports,
@@ -595,6 +596,36 @@ def test_errors_of_streams_are_means_over_clips_and_seeds(monkeypatch):
     np.testing.assert_allclose(row["whole"], [10, 10])
     cells = [cell(row) for cell in online_bench.COLUMNS.values()]
     assert cells == ["KT3DMoSeg", "3.0", "2.0, 4.0", "10.0"]
+
+
+class Told:
+    """A stream in which what enters has the label of thing 2 for four frames."""
+
+    def __init__(self, random_state):
+        self.scene, self.frame = entering.entering_scene("dolly", random_state), -1
+
+    def update(self, points, ids):
+        self.frame += 1
+        target = self.scene.target[ids]
+        return np.where((target == 3) & (self.frame < entering.ENTERS + 4), 2, target)
+
+
+def test_labels_of_what_enters_a_stream_are_judged(monkeypatch, capsys):
+    scene = entering.entering_scene("dolly", 0)
+    assert np.isin(np.arange(4), scene.target).all()
+    entered = scene.seen[scene.target == 3].sum(axis=0)
+    assert (entered[: entering.ENTERS] == 0).all()
+    assert entered[entering.ENTERS] == entering.N_MOVING
+    assert ((scene.points > -1) & (scene.points < [1281, 721]))[scene.seen].all()
+    monkeypatch.setattr(entering, "OnlineMotionSegmenter", Told)
+    entering.main(["--seeds", "0", "--cameras", "dolly"])
+    words = capsys.readouterr().out.split()
+    assert words[:4] == ["dolly", "0", "first", "4"]
+    assert float(words[-1]) == 1
+    monkeypatch.setattr(entering, "JUDGED", 0)
+    assert 0.8 < entering.measure("dolly", 0)["own"] < 1
+    monkeypatch.setattr(entering, "_most", lambda labels: 0)  # whatever it is
+    assert entering.measure("dolly", 0) == {"first": None, "own": 0}
 
 
 def follow(layer, n_frames):
