@@ -22,12 +22,11 @@ from skmotionseg import OnlineMotionSegmenter
 SIZE, FOCAL, NOISE = np.array([1280.0, 720.0]), 700.0, 0.2
 N_FRAMES, ENTERS, JUDGED = 100, 57, 10
 N_STATIC, N_MOVING, LIFE = 90, 25, (15, 60)
-# Of each thing: middle of its way in the image, periods and phases of it, depth, and
-# turn per frame.
+# Of each thing: middle of its way in the image, its periods, depth, and turn per frame.
 THINGS = (
-    ((250, 200), (23, 19), 0.0, 9.0, 0.012),
-    ((1000, 200), (21, 26), 1.0, 7.0, -0.015),
-    ((980, 540), (20, 23), 2.0, 7.0, 0.02),
+    ((250, 200), (23, 19), 9.0, 0.012),
+    ((1000, 200), (21, 26), 7.0, -0.015),
+    ((980, 540), (20, 23), 7.0, 0.02),
 )
 WAY = np.array([140.0, 70.0])  # how far they go from there, pixels
 
@@ -62,9 +61,9 @@ def entering_scene(kind, seed):
         for the static scene.
     """
     rng = np.random.default_rng(seed)
-    camera = cameras(kind)
+    camera, phases = cameras(kind), rng.uniform(0, 2 * np.pi, len(THINGS))
     tracks = [
-        (*_track(rng, camera, motion, start, stop), motion)
+        (*_track(rng, camera, motion, phases, start, stop), motion)
         for motion, n in enumerate((N_STATIC, *[N_MOVING] * len(THINGS)))
         for _ in range(n)
         for start, stop in _lives(rng, ENTERS if motion == len(THINGS) else 0)
@@ -84,7 +83,7 @@ def _lives(rng, enters):
         start = stop
 
 
-def _track(rng, camera, motion, start, stop):
+def _track(rng, camera, motion, phases, start, stop):
     """A point in all frames, and in which of them it is seen."""
     rotations, places = camera
     if motion == 0:
@@ -92,7 +91,7 @@ def _track(rng, camera, motion, start, stop):
         world = _in_space(seen_at, rng.uniform(6, 30), rotations[start], places[start])
         world = np.repeat(world[None], N_FRAMES, axis=0)
     else:
-        world = _of_thing(rng, camera, *THINGS[motion - 1])
+        world = _of_thing(rng, camera, phases[motion - 1], *THINGS[motion - 1])
     local = rotations.apply(world - places)
     points = FOCAL * local[:, :2] / np.maximum(local[:, 2:], 0.1) + SIZE / 2
     inside = (local[:, 2] > 0.5) & ((points >= 0) & (points < SIZE)).all(axis=1)
@@ -100,7 +99,7 @@ def _track(rng, camera, motion, start, stop):
     return points, inside & (frames >= start) & (frames < stop)
 
 
-def _of_thing(rng, camera, middle, periods, phase, depth, turn):
+def _of_thing(rng, camera, phase, middle, periods, depth, turn):
     """Where a point of a thing is in each frame."""
     t = np.arange(N_FRAMES)
     ways = np.stack([np.sin(t / periods[0] + phase), np.cos(t / periods[1] + phase)], 1)

@@ -8,7 +8,12 @@ import numpy as np
 import pytest
 
 from skmotionseg._core.stream.births import FEWEST_MEMBERS
-from skmotionseg._core.stream.doubts import FRAMES_PER_SEARCH, SETTLED, Doubts
+from skmotionseg._core.stream.doubts import (
+    FRAMES_PER_SEARCH,
+    MOST_FRAMES,
+    SETTLED,
+    Doubts,
+)
 from skmotionseg._core.stream.living import LivingMotion
 
 
@@ -20,22 +25,40 @@ def test_motions_are_joined_if_a_search_has_left_it_so():
     doubts = Doubts()
     assert doubts.weighed("joined", motion(2), 20, 30) is None
     assert doubts.is_due(30)
-    doubts.close(30)
+    doubts.close(30, found=False)
     assert not doubts.is_due(30)
     assert doubts.weighed("joined", motion(2), 20, 30 + SETTLED) == "joined"
     assert not doubts.is_open
     assert doubts.weighed("joined", motion(2), 20, 31 + SETTLED) is None
 
 
+def searches(found, asking=range(200)):
+    """Frames of searches, of which some find a motion."""
+    doubts, frames = Doubts(), []
+    for frame in range(200):
+        doubts.is_open |= frame in asking
+        if doubts.is_due(frame):
+            doubts.close(frame, found(len(frames)))
+            frames.append(frame)
+    return np.array(frames)
+
+
 def test_searches_are_some_frames_apart():
-    doubts = Doubts()
-    assert not doubts.is_due(0)
-    doubts.is_open = True
-    assert doubts.is_due(0)
-    doubts.close(12)
-    doubts.is_open = True
-    due = [frame for frame in range(12, 30) if doubts.is_due(frame)]
-    assert due[0] == 12 + FRAMES_PER_SEARCH
+    assert searches(lambda k: True)[:2].tolist() == [0, FRAMES_PER_SEARCH]
+    assert set(np.diff(searches(lambda k: True))) == {FRAMES_PER_SEARCH}
+
+
+def test_searches_that_find_nothing_are_rarer():
+    steps = np.diff(searches(lambda k: False))
+    assert steps[:4].tolist() == [6, 12, 24, 24]
+    assert steps.max() == MOST_FRAMES
+    steps = np.diff(searches(lambda k: k == 5))
+    assert steps[:8].tolist() == [6, 12, 24, 24, 24, 6, 6, 12]
+
+
+def test_a_pause_makes_searches_as_frequent_as_they_were():
+    asking = [*range(40), *range(100, 120)]
+    assert searches(lambda k: False, asking)[3:7].tolist() == [42, 100, 106, 118]
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ import numpy as np
 
 from .births import FEWEST_MEMBERS, nearest_in_picture
 
-# Frames after a search until there is another, and in which what it found is settled.
-FRAMES_PER_SEARCH, SETTLED = 6, 2
+# Frames after a search until there is another, at least, and if several found nothing;
+# and frames in which what it found is settled.
+FRAMES_PER_SEARCH, MOST_FRAMES, SETTLED = 6, 24, 2
 # Frames that see a track which may have come in, and frames at the start of the window
 # that do not. A search tells things apart by so many; in later ones they are followed
 # as one for long.
@@ -26,17 +27,23 @@ class Doubts:
     is_open : bool
     searched : int
         Frame of the last search.
+    idle : int
+        How many have found nothing in succession.
     """
 
     def __init__(self):
-        self.is_open, self.searched = False, -FRAMES_PER_SEARCH
+        self.is_open, self.searched, self.idle = False, -MOST_FRAMES, 0
 
     def is_due(self, frame):
-        """Whether there is a search in a frame."""
-        return self.is_open and frame - self.searched >= FRAMES_PER_SEARCH
+        """Whether there is a search in a frame: ever more rarely if none finds any."""
+        pause = FRAMES_PER_SEARCH * 2 ** max(self.idle - 1, 0)
+        return self.is_open and frame - self.searched >= min(pause, MOST_FRAMES)
 
-    def close(self, frame):
-        """Note that a search has been made."""
+    def close(self, frame, found):
+        """Note that a search has been made, and whether it has found a motion."""
+        if found or frame - self.searched > MOST_FRAMES:
+            self.idle = 0
+        self.idle += not found
         self.is_open, self.searched = False, frame
 
     def weighed(self, decision, motion, n_tracks, frame):

@@ -231,24 +231,40 @@ class MotionStream:
 
     def _begin(self, group, fit, static):
         """Let a motion live that a search found; say which, and if it did before."""
-        buffer = self.buffer
-        trace = self._trace(group)
+        former = 0 if static else _most(self.buffer.labels[group])
         living = {motion.number for motion in self.motions}
-        former = 0 if static else _most(buffer.labels[group])
-        number, again = self.numbers.of(
-            trace, self.size, living, former, self.n_motions
-        )
+        number, again = self._number_of(group, living, former)
         if number is not None:
-            self.numbers.see(number, trace)
+            self.numbers.see(number, self._trace(group))
             self.motions.append(LivingMotion(number, fit, self.frame))
         return number, again
+
+    def _number_of(self, rows, living, former):
+        """Number of what has appeared, and whether it was there before."""
+        found = self.numbers.of(
+            self._trace(rows, first=True),
+            self.size,
+            living,
+            former,
+            self.n_motions,
+            self._fading(),
+        )
+        for other in self.motions:
+            if other.number == found[0]:  # it has lost its tracks: this one has them
+                other.number = UNKNOWN - 1
+        return found
 
     def _search_again(self, partition):
         """Search for motions that were missed, or are taken for one with another."""
         beginning = self._searched_again()
         if beginning is None:
             return []
-        self.doubts.close(self.frame)
+        events = self._found_in(beginning, partition)
+        self.doubts.close(self.frame, bool(events))
+        return events
+
+    def _found_in(self, beginning, partition):
+        """Motions that a search of some frames finds, as events."""
         ids, points, seen = beginning.tracks()
         often = seen.sum(axis=1) >= FIRST_SEEN
         if often.sum() < FIRST_TRACKS:
@@ -553,19 +569,10 @@ class MotionStream:
             source.fit, self.doubts.is_open = joint[motion], True
             return "dropped"
         rows = self._telling(window, motion)
-        number, again = self.numbers.of(
-            self._trace(rows, first=True),
-            self.size,
-            {other.number for other in self.motions if not other.unseen},
-            self._former(rows),
-            self.n_motions,
-            self._fading(),
-        )
+        living = {other.number for other in self.motions if not other.unseen}
+        number, again = self._number_of(rows, living, self._former(rows))
         if number is None:
             return "dropped"
-        for other in self.motions:
-            if other.number == number:  # it has lost its tracks: this one has them
-                other.number = UNKNOWN - 1
         self.buffer.confirm(motion.number, number)
         motion.number, motion.apart = number, 0
         motion.source = _most(self.buffer.known[rows])
