@@ -50,15 +50,22 @@ def test_searches_are_some_frames_apart():
 
 def test_searches_that_find_nothing_are_rarer():
     steps = np.diff(searches(lambda k: False))
-    assert steps[:4].tolist() == [6, 12, 24, 24]
+    assert steps[:5].tolist() == [6, 6, 12, 24, 24]
     assert steps.max() == MOST_FRAMES
     steps = np.diff(searches(lambda k: k == 5))
-    assert steps[:8].tolist() == [6, 12, 24, 24, 24, 6, 6, 12]
+    assert steps[:9].tolist() == [6, 6, 12, 24, 24, 6, 6, 6, 12]
 
 
 def test_a_pause_makes_searches_as_frequent_as_they_were():
     asking = [*range(40), *range(100, 120)]
-    assert searches(lambda k: False, asking)[3:7].tolist() == [42, 100, 106, 118]
+    assert searches(lambda k: False, asking)[3:9].tolist() == [
+        24,
+        48,
+        100,
+        106,
+        112,
+        124,
+    ]
 
 
 @pytest.mark.parametrize(

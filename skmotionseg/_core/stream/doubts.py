@@ -6,9 +6,9 @@ import numpy as np
 
 from .births import FEWEST_MEMBERS, nearest_in_picture
 
-# Frames after a search until there is another, at least, and if several found nothing;
-# and frames in which what it found is settled.
-FRAMES_PER_SEARCH, MOST_FRAMES, SETTLED = 6, 24, 2
+# Frames after a search until there is another, at least, and if more than so many found
+# nothing; and frames in which what it found is settled.
+FRAMES_PER_SEARCH, MOST_FRAMES, PATIENCE, SETTLED = 6, 24, 2, 2
 # Frames that see a track which may have come in, and frames at the start of the window
 # that do not. A search tells things apart by so many; in later ones they are followed
 # as one for long.
@@ -36,11 +36,14 @@ class Doubts:
 
     def is_due(self, frame):
         """Whether there is a search in a frame: ever more rarely if none finds any."""
-        pause = FRAMES_PER_SEARCH * 2 ** max(self.idle - 1, 0)
+        pause = FRAMES_PER_SEARCH * 2 ** max(self.idle - PATIENCE, 0)
         return self.is_open and frame - self.searched >= min(pause, MOST_FRAMES)
 
     def close(self, frame, found):
-        """Note that a search has been made, and whether it has found a motion."""
+        """Note that a search has been made, and whether it has found a motion.
+
+        So it has, as far as this matters, if it was due in any case.
+        """
         if found or frame - self.searched > MOST_FRAMES:
             self.idle = 0
         self.idle += not found

@@ -260,7 +260,7 @@ class MotionStream:
         if beginning is None:
             return []
         events = self._found_in(beginning, partition)
-        self.doubts.close(self.frame, bool(events))
+        self.doubts.close(self.frame, bool(events) or len(beginning) > LENGTH)
         return events
 
     def _found_in(self, beginning, partition):
