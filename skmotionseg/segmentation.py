@@ -67,7 +67,7 @@ from ._utils.validation import (
     are_shares,
     check_estimator_parameters,
     forget_fit,
-    have_zeros_for_nan,
+    placeholder_of,
 )
 from ._utils.warning import warn_of_unexplained, warn_user
 from ._utils.words import counted
@@ -458,9 +458,10 @@ estimator, default="description_length"
         Warns
         -----
         UserWarning
-            If the tracks are not in pixels, unseen points seem to be (0, 0), half of
-            the tracks are far from the motion that they are assigned to, fewer motions
-            are found than ``n_motions``, or ``memory`` has no effect.
+            If the tracks are not in pixels, unseen points seem to be (0, 0) or another
+            number twice, half of the tracks are far from the motion that they are
+            assigned to, fewer motions are found than ``n_motions``, or ``memory`` has
+            no effect.
         """
         tracks, models = self._prepare(X)
         check_cacheable(self.memory, self.random_state, "random_state")
@@ -470,10 +471,12 @@ estimator, default="description_length"
                 "they are not pixels, in which noise is measured: if they are shares "
                 "of the image's size, multiply them by its width and height",
             )
-        if have_zeros_for_nan(tracks):
+        placeholder = placeholder_of(tracks)
+        if placeholder is not None:
             warn_user(
-                "some tracks are at (0, 0) in some frames and elsewhere in others: if "
-                "they are not seen there, these points must be NaN",
+                f"some tracks are at ({placeholder:g}, {placeholder:g}) in some frames "
+                "and elsewhere in others: if they are not seen there, these points "
+                "must be NaN",
             )
         if tracks.shape[1] > 2 * LONG_CLIP:
             clip = LongClip(tracks, self.frame_gap + 1)

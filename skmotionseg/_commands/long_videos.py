@@ -44,14 +44,14 @@ def segment_stored(run, clip, frames):
         ("motions per window", f"{found.counts.min()} to {found.counts.max()}"),
         ("seconds segmenting", f"{time.perf_counter() - started:.3f}"),
     ]
+    if arguments.out is not None:
+        sure = found.shares if arguments.confidence else None
+        write_labels_by_frame(arguments.out, clip, found.labels, sure)
     if wants_masks(arguments):
         masked = time.perf_counter()
         objects = _write_masks(arguments, frames, clip, found.labels, progress)
         facts.append(("moving objects", str(objects.max(initial=0))))
         facts.append(("seconds for masks", f"{time.perf_counter() - masked:.3f}"))
-    if arguments.out is not None:
-        sure = found.shares if arguments.confidence else None
-        write_labels_by_frame(arguments.out, clip, found.labels, sure)
     facts.append(("seconds total", f"{time.perf_counter() - begun:.3f}"))
     console.print(facts_table(arguments.file.name, facts))
     files = {

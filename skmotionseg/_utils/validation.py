@@ -27,9 +27,9 @@ OF_A_FOLD = (
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
 # Tracks from which on points of just (0, 0) are no coincidence, and share of all.
-FEWEST_AT_ZERO, SHARE_AT_ZERO = 3, 0.02
+FEWEST_HELD, SHARE_HELD = 3, 0.02
 # Pixels from there to all else of a track: whole pixels may pass by (0, 0).
-LEAP_TO_ZERO = 2
+LEAP = 2
 # Tracks of a matrix that are unpacked, or looked at, at a time: of one of a long clip,
 # which holds hardly any points, nothing of its size fits beside it.
 BATCH = 1000
@@ -141,22 +141,39 @@ def row_batches(tracks):
     return (tracks[batch] for batch in gen_batches(len(tracks), BATCH))
 
 
-def have_zeros_for_nan(tracks):
-    """Whether unseen points seem to be (0, 0), as some tools write them.
+def placeholder_of(tracks):
+    """What unseen points seem to have for both coordinates; None if they are NaN.
+
+    Some tools write them as (0, 0), some as (-1, -1) or another number that is below or
+    above all others.
 
     Parameters
     ----------
     tracks : ndarray of shape (n_tracks, 2 * n_frames)
         So it seems if several of them, and not very few, are just there at times, and
         never near.
+
+    Returns
+    -------
+    float or None
     """
-    at_times = 0
-    for some in row_batches(tracks):
-        distance = np.maximum(np.abs(some[:, ::2]), np.abs(some[:, 1::2]))
-        nearest = np.where(distance > 0, distance, np.inf).min(axis=1)
-        leap = np.isfinite(nearest) & (nearest > LEAP_TO_ZERO)
-        at_times += int((leap & (distance == 0).any(axis=1)).sum())
-    return at_times >= max(FEWEST_AT_ZERO, SHARE_AT_ZERO * len(tracks))
+    lowest = float(np.fmin.reduce(tracks, axis=None, initial=np.inf))
+    highest = float(np.fmax.reduce(tracks, axis=None, initial=-np.inf))
+    fewest = max(FEWEST_HELD, SHARE_HELD * len(tracks))
+    for value in (0.0, -1.0, lowest, highest):
+        held = sum(_leaping_to(value, some) for some in row_batches(tracks))
+        if held >= fewest:
+            return value
+    return None
+
+
+def _leaping_to(value, tracks):
+    """How many tracks are at a value in both coordinates at times, and else far off."""
+    there = (tracks[:, ::2] == value) & (tracks[:, 1::2] == value)
+    tracks = tracks[there.any(axis=1)]
+    distance = np.fmax(np.abs(tracks[:, ::2] - value), np.abs(tracks[:, 1::2] - value))
+    nearest = np.where(distance > 0, distance, np.inf).min(axis=1, initial=np.inf)
+    return int((np.isfinite(nearest) & (nearest > LEAP)).sum())
 
 
 def check_farthest(points):

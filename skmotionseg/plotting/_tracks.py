@@ -14,6 +14,7 @@ from .._core.geometry.tracks import unpack_tracks
 from .._utils.colours import motion_colour
 from .._utils.optional import require
 from .._utils.validation import check_frames, check_label_each
+from .._utils.warning import warn_user
 from ._drawing import (
     figure_and_ax,
     last_step,
@@ -77,6 +78,8 @@ def plot_motions(
     labels = check_label_each(labels, len(points))
     first, second = _two_frames(frames, visibility)
     shared = visibility[:, first] & visibility[:, second]
+    if frames is not None and not shared.any():
+        warn_user(f"no track is seen in both frames, {first} and {second}")
     if ax is None:
         ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")[1]
     shown = np.unique(labels)
@@ -101,9 +104,13 @@ def _two_frames(frames, visibility):
 
 
 def _shared_frames(visibility):
-    """The frames a quarter of the clip apart that see most tracks in both."""
+    """The frames a quarter of the clip apart that see most tracks in both.
+
+    Or half of a usual track's life apart, if that is less.
+    """
     n_frames = visibility.shape[1]
-    gap = min(max(1, n_frames // 4), n_frames - 1)
+    life = int(np.median(visibility.sum(axis=1))) if len(visibility) else n_frames
+    gap = min(max(1, min(n_frames // 4, life // 2)), n_frames - 1)
     both = (visibility[:, : n_frames - gap] & visibility[:, gap:]).sum(axis=0)
     first = int(both.argmax())
     return first, first + gap

@@ -19,6 +19,7 @@ from skmotionseg import (
     pack_tracks,
 )
 from skmotionseg._core.partition import search
+from skmotionseg._utils.validation import placeholder_of
 from skmotionseg.datasets import make_rigid_motions
 from skmotionseg.metrics import misclassification_error
 
@@ -171,13 +172,27 @@ def test_a_focal_length_beyond_all_lenses_is_the_limit(focal_length):
     assert misclassification_error(y, found.labels_) == 0
 
 
-def test_zeros_where_nothing_is_seen_are_warned_of():
+@pytest.mark.parametrize("value", [0, -1, -999, 65535])
+def test_numbers_where_nothing_is_seen_are_warned_of(value):
     X, _ = make_rigid_motions(60, 6, 2, missing=0.1, random_state=0)
     segmenter = MotionSegmenter(2, n_hypotheses=20, random_state=0)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
-        segmenter.fit(np.nan_to_num(X))
-    assert any("at (0, 0) in some frames" in str(each.message) for each in told)
+        segmenter.fit(np.nan_to_num(X, nan=value))
+    words = f"at ({value}, {value}) in some frames"
+    assert any(words in str(each.message) for each in told)
+
+
+def test_where_nothing_is_seen():
+    X, _ = make_rigid_motions(60, 6, 2, missing=0.1, random_state=0)
+    assert placeholder_of(X) is None
+    assert placeholder_of(np.full((9, 8), np.nan)) is None
+    assert placeholder_of(np.zeros((9, 8))) is None  # never elsewhere
+    for value in (0.0, X[np.isfinite(X)].min() - 9, X[np.isfinite(X)].max() + 9):
+        assert placeholder_of(np.nan_to_num(X, nan=value)) == value
+    few = X.copy()
+    few[:2, :2] = -1000
+    assert placeholder_of(few) is None
 
 
 def test_whole_pixels_that_pass_by_zero_are_not():

@@ -138,6 +138,22 @@ def test_the_legend_of_motions_covers_no_label(small, height, size):
         assert legend.get_window_extent().y1 < label.get_window_extent().y0
 
 
+def test_long_clips_of_short_tracks_are_drawn(small):
+    """However much longer than their tracks, of which some are in two frames."""
+    X, y, _ = small
+    n_tracks, n_frames = len(X), X.shape[1] // 2
+    times = 40
+    long = np.full((times * n_tracks, 2 * times * n_frames), np.nan)
+    for k in range(times):
+        part = np.s_[2 * k * n_frames : 2 * (k + 1) * n_frames]
+        long[k * n_tracks : (k + 1) * n_tracks, part] = X
+    ax = plotting.plot_motions(long, np.tile(y, times))
+    dots = sum(len(drawn.get_offsets()) for drawn in ax.collections)
+    assert dots > n_tracks / 4
+    with pytest.warns(UserWarning, match="in both frames, 0 and 200"):
+        plotting.plot_motions(long, np.tile(y, times), frames=(0, 200))
+
+
 def test_the_legend_counts_all_tracks(small):
     X, y, _ = small
     display = MotionDisplay.from_predictions(X, y)

@@ -291,6 +291,18 @@ def test_masks_of_a_long_video_are_those_of_the_whole(
     assert written["whole"] == written["blocks"]
 
 
+def test_labels_are_there_before_masks(file, table, tmp_path, monkeypatch):
+    monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", 50)
+
+    def stopped(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("skmotionseg._commands.long_videos._write_masks", stopped)
+    out = tmp_path / "labels.csv"
+    assert main(segment(file, "--out", out, "--masks", tmp_path / "masks")) == 130
+    assert out.read_bytes() == table
+
+
 @pytest.mark.slow
 def test_objects_that_became_one_leave_no_gap(file, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(video_tracks, "LONGEST_WHOLE", 50)
