@@ -27,7 +27,7 @@ OF_A_FOLD = (
 # Shares of an image's size are in [0, 1] where a point is seen, or a little outside.
 LARGEST_SHARE = 2
 # Tracks from which on points of just (0, 0) are no coincidence, and share of all.
-FEWEST_HELD, SHARE_HELD = 3, 0.02
+FEWEST_LEAPS, SHARE_OF_LEAPS = 3, 0.02
 # Pixels from there to all else of a track: whole pixels may pass by (0, 0).
 LEAP = 2
 # Tracks of a matrix that are unpacked, or looked at, at a time: of one of a long clip,
@@ -159,7 +159,7 @@ def placeholder_of(tracks):
     """
     lowest = float(np.fmin.reduce(tracks, axis=None, initial=np.inf))
     highest = float(np.fmax.reduce(tracks, axis=None, initial=-np.inf))
-    fewest = max(FEWEST_HELD, SHARE_HELD * len(tracks))
+    fewest = max(FEWEST_LEAPS, SHARE_OF_LEAPS * len(tracks))
     for value in (0.0, -1.0, lowest, highest):
         held = sum(_leaping_to(value, some) for some in row_batches(tracks))
         if held >= fewest:
