@@ -12,6 +12,9 @@ from .._core.geometry.tracks import unpack_tracks
 from .._utils.validation import check_label_each
 from ._checks import check_number
 
+# Neighbours of a track, most of which are of a motion if the track is on it.
+N_NEIGHBOURS = 4
+
 
 def prompt_points(
     X: npt.ArrayLike, labels: npt.ArrayLike, *, n_points: int = 5
@@ -19,7 +22,8 @@ def prompt_points(
     """Points on and off each motion in each frame, for a promptable segmenter.
 
     Positive points are spread over the tracks of the motion, away from tracks of
-    others; negative ones are the tracks of others that are nearest to it, spread, too.
+    others; negative ones are the tracks of others that are nearest to it, spread, too,
+    without those among its own, which are on it whatever their label.
 
     Parameters
     ----------
@@ -76,9 +80,19 @@ def _choose(own, others):
         return own, others
     margin, _ = KDTree(others).query(own)
     inner = own[np.argsort(-margin, kind="stable")[: -(-len(own) // 2)]]
+    others = _outside(own, others)
     distance, _ = KDTree(own).query(others)
     nearest = others[np.argsort(distance, kind="stable")[: -(-len(others) // 8)]]
     return inner, nearest
+
+
+def _outside(own, others):
+    """The others that are not among the own points; all of them if none is not."""
+    k = min(N_NEIGHBOURS + 1, len(own) + len(others))
+    _, near = KDTree(np.concatenate([own, others])).query(others, k)
+    is_own = near.reshape(len(others), k)[:, 1:] < len(own)
+    outside = 2 * is_own.sum(axis=1) <= k - 1
+    return others[outside] if outside.any() else others
 
 
 def _spread(points, n_points):

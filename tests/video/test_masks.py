@@ -535,6 +535,22 @@ def test_prompts_lie_on_and_off_their_motion(tracked):
         prompt_points(X, labels, n_points=0)
 
 
+def test_what_is_among_the_tracks_of_a_motion_is_not_off_it():
+    """Whatever its label, which is wrong for some."""
+    x, y = np.meshgrid(np.arange(0, 200, 10), np.arange(0, 200, 10))
+    X = np.column_stack([x.ravel(), y.ravel()]).astype(float)
+    on = ((X >= 60) & (X <= 130)).all(axis=1)
+    labels = on.astype(int)
+    for place in ([90, 100], [80, 70]):
+        labels[(place == X).all(axis=1)] = 0
+    (prompt,) = prompt_points(X, labels, n_points=8)
+    negative = np.array(prompt["negative"])
+    assert len(negative) == 8
+    assert not ((negative >= 60) & (negative <= 130)).all(axis=1).any()
+    (alone,) = prompt_points([[0, 0], [9, 9], [4, 4]], [1, 1, 0])
+    assert alone["negative"] == [[4, 4]]  # rather than none
+
+
 def test_objects_of_a_video(tracked):
     X, labels = tracked
     swapped = find_objects(X, 1 - labels, width=WIDTH, height=HEIGHT)
