@@ -411,7 +411,7 @@ class MotionStream:
         """End all motions: what comes is another film."""
         for motion in self.motions:
             self.buffer.release(motion.number)
-        self.motions, self.broken = [], 0
+        self.motions, self.broken, self.doubts = [], 0, Doubts()
         self.numbers.forget_all()
         self.buffer.memory = np.zeros((len(self.buffer.ids), 0))
         self.beginning = Beginning.of(self.buffer, CUT_AFTER)
