@@ -159,12 +159,13 @@ def placeholder_of(tracks):
     """
     lowest = float(np.fmin.reduce(tracks, axis=None, initial=np.inf))
     highest = float(np.fmax.reduce(tracks, axis=None, initial=-np.inf))
+    values = 0.0, -1.0, lowest, highest
+    held = np.zeros(len(values), dtype=int)
+    for some in row_batches(tracks):
+        some = some[(some[:, ::2] == some[:, 1::2]).any(axis=1)]  # hardly any
+        held += [_leaping_to(value, some) for value in values]
     fewest = max(FEWEST_LEAPS, SHARE_OF_LEAPS * len(tracks))
-    for value in (0.0, -1.0, lowest, highest):
-        held = sum(_leaping_to(value, some) for some in row_batches(tracks))
-        if held >= fewest:
-            return value
-    return None
+    return next((v for v, n in zip(values, held, strict=True) if n >= fewest), None)
 
 
 def _leaping_to(value, tracks):

@@ -18,8 +18,6 @@ SCALE_OF_NOISE = 2.0
 FIRST_STEPS = 5
 # Frames after which a young stream is searched again, as a clip of all of its frames.
 SEARCHED_AGAIN = 15, 22, 33, 50
-# Frames before such a search in which there is no other.
-SOON = 6
 
 
 class Calibration(NamedTuple):
@@ -71,10 +69,9 @@ class Beginning:
         """Whether it will not be searched again."""
         return len(self) >= SEARCHED_AGAIN[-1]
 
-    @property
-    def is_searched_soon(self):
-        """Whether what is in doubt now is told as well by the next search of all."""
-        return any(0 <= due - len(self) < SOON for due in SEARCHED_AGAIN)
+    def is_searched_within(self, n_frames):
+        """Whether the next search of all is in fewer frames."""
+        return any(0 <= due - len(self) < n_frames for due in SEARCHED_AGAIN)
 
     def push(self, points, ids):
         """Go on by a frame."""

@@ -18,7 +18,7 @@ from .births import (
 )
 from .buffer import UNKNOWN, TrackBuffer
 from .calibration import FRAMES_PER_ESTIMATE
-from .doubts import Doubts
+from .doubts import FRAMES_PER_SEARCH, Doubts
 from .following import (
     are_doubtful,
     are_outliers,
@@ -282,7 +282,7 @@ class MotionStream:
             if beginning.is_over:
                 self.beginning = None
             return beginning
-        soon = beginning is not None and beginning.is_searched_soon
+        soon = beginning is not None and beginning.is_searched_within(FRAMES_PER_SEARCH)
         due = self.doubts.is_due(self.frame) and not soon
         return self._last_frames() if due else None
 
